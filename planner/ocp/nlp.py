@@ -22,9 +22,6 @@ from .stages import JERK_UNIT, Block, Structure
 from .terms import TERMS
 from .transcription import UNITS, Ocp, grip_instants
 
-#: Price [1/m] of an elastic landing's pose error. The effort rises steeply at the edge of reach:
-#: with a tenth of this price landings end up to 11 mm short of it.
-MISS_PRICE = 1000.0
 #: Parts of a carry interval with grip constraints at their ends: without and with lazy "carry".
 INSTANTS = (2, 8)
 #: A limit binds if its multiplier is above this share of the largest one.
@@ -204,6 +201,6 @@ def _common_values(request: Request) -> dict[str, Any]:
         "target_x": target.plane_x,
         "target_z": target.z,
         "target_theta": 0.0 if target.theta is None else target.theta,
-        "price_x": MISS_PRICE,
-        "price_theta": MISS_PRICE * scene.object.half_length,
+        "price_x": request.miss_price,
+        "price_theta": request.miss_price * scene.object.half_length,
     }

@@ -273,8 +273,9 @@ def peak_load(throw: Throw) -> float:
 class Request:
     """A throw of a scene to a target, for an NLP (target None: unknown, for a verdict).
 
-    robust: the method of a robust plan, empty for none. elastic: the landing may miss the target,
-    at a price. reference: the throw at the start of a solve; obstacles are linearised about it.
+    robust: the method of a robust plan, empty for none. miss_price [1/m]: of the landing's pose
+    error; 0: the landing is the target. reference: the throw at the start of a solve; obstacles are
+    linearised about it.
     """
 
     scene: Scene
@@ -282,13 +283,18 @@ class Request:
     target: Pose | None = None
     refinement: Refinement = BASE
     robust: str = ""
-    elastic: bool = False
+    miss_price: float = 0.0
     reference: Throw | None = None
 
     @property
     def angle(self) -> bool:
         """Whether the target fixes theta."""
         return self.target is not None and self.target.theta is not None
+
+    @property
+    def elastic(self) -> bool:
+        """Whether the landing may miss the target."""
+        return self.miss_price > 0.0
 
     @cached_property
     def window(self) -> Window | None:

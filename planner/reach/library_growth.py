@@ -5,7 +5,7 @@ and a few of them are solved from sampled releases. A throw into each other cell
 throw into a cell beside it, nearest to the target first, so that the library finds its way into
 every corner that can be thrown to, whether a random throw landed there or not. A cell that none
 leads to is beyond the boundary. Where throws from two neighbours end at equal distances from it,
-it keeps the throw that limits let come nearest to it.
+and none is solved from sampled releases, it keeps the throw that limits let come nearest to it.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import itertools
 import os
 import pickle
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from operator import itemgetter
 import numpy as np
 
 from ..library import Library, Records
-from ..ocp import Optimum
+from ..ocp import BASE, Optimum, Refinement
 from ..samples import Releases, sparse_parents, starts
 from ..search import Clock, NlpCache, are_equal
 from ..workers import Progress, run_jobs
@@ -55,6 +56,8 @@ class GrowthSettings:
     again from a neighbour whose slope predicts an effort below this share of the cell's own.
     max_rounds: how often cells are made finer where they hold fewer throws than asked for, and
     finer_by: for this share of what is asked, since some finer cells lie beyond the edge.
+    compiled: kinds of NLPs by which at least this share of the cells beyond the edge was tried
+    become machine code, with which a plan takes a quarter of the time to say `out_of_reach`.
     """
 
     seeds: int = 24
@@ -69,9 +72,11 @@ class GrowthSettings:
     cheaper: float = 0.95
     max_rounds: int = 4
     finer_by: float = 1.1
+    compiled: float = 0.1
 
 
 SETTINGS = GrowthSettings()
+Entry = tuple[bool, float, float, Cell, Cell]
 #: Seed of the choice among random landings.
 SEED = 5
 
@@ -97,22 +102,31 @@ def grow(
     cells: Cells | None = Cells.of(*landings, throws, angle=library.angle)
     if executor is not None:
         # Workers on this machine then find the machine code in the cache.
-        target, refinement = problems.scene.target, first_refinement(problems.scene)
-        assert target is not None
-        for elastic in (False, True):
-            nlp = problems.problem(target, refinement, "fatrop", Clock(), elastic=elastic)
-            nlp.solver.compile()
+        first = first_refinement(problems.scene)
+        for refinement, elastic in ((BASE, False), (first, False), (first, True)):
+            _compile(problems, refinement, elastic=elastic)
+    kinds = Counter[frozenset[str]]()
     for turn in range(SETTINGS.max_rounds):
         if cells is None:
-            return
+            break
         before, most = len(library), throws if turn else SETTINGS.overshoot * throws
         builder = LibraryBuilder(CellSolver(problems), releases, library, cells, most)
         builder.grow(landings, throws, executor, progress)
+        kinds.update(builder.failed_kinds)
         # A library that was begun before may have the first cells full.
         if len(library) >= SETTINGS.enough * throws or (turn and len(library) == before):
-            return
+            break
         # The reach is smaller than random throws let it seem.
         cells = cells.finer(SETTINGS.finer_by * throws / max(len(library), 1))
+    for lazy, count in kinds.items() if executor is not None else ():
+        if count >= SETTINGS.compiled * kinds.total():
+            _compile(problems, Refinement(lazy), elastic=True)
+
+
+def _compile(problems: NlpCache, refinement: Refinement, *, elastic: bool) -> None:
+    target = problems.scene.target
+    assert target is not None
+    problems.problem(target, refinement, "fatrop", Clock(), elastic=elastic).solver.compile()
 
 
 class LibraryBuilder:
@@ -127,6 +141,8 @@ class LibraryBuilder:
         self._target, self._cells, self._most = target, cells, most
         self._solved: dict[Cell, KnownThrow] = {}
         self._failures: dict[Cell, int] = {}
+        #: Lazy constraints of the throws from which cells were tried in vain.
+        self.failed_kinds = Counter[frozenset[str]]()
         #: Throws that limits ended short of a cell's middle: pose error [m] to it, and throw.
         self._short: dict[Cell, list[tuple[float, Optimum]]] = {}
         self._running: dict[Cell, CellTask] = {}
@@ -134,7 +150,9 @@ class LibraryBuilder:
         self._first: list[CellTask] = []
         #: Cells to solve: whether no random throw hit it, pose error [m] from the target, effort
         #: of the source, cell, and its source: a solved cell, or itself for sampled releases.
-        self._waiting: list[tuple[bool, float, float, Cell, Cell]] = []
+        self._waiting: list[Entry] = []
+        #: Entries of `_waiting` for cells that are being tried from another source.
+        self._later: dict[Cell, list[Entry]] = {}
         #: Solved cells that a neighbour may improve: share of the effort, effort, cell, neighbour.
         self._costly: list[tuple[float, float, Cell, Cell]] = []
         self._hit: set[Cell] = set()
@@ -203,7 +221,8 @@ class LibraryBuilder:
         The cheapest solved neighbour gives a cell's throw; at the end a cheaper neighbour replaces
         dearer throws.
         """
-        if len(self._solved) < self._most and (task := self._next_new()) is not None:
+        is_open = bool(self._first) or len(self._solved) < self._most
+        if is_open and (task := self._next_new()) is not None:
             return task
         while self._costly and (self._late_seeds is not None or len(self._solved) >= self._most):
             _, effort, cell, source = heapq.heappop(self._costly)
@@ -217,9 +236,12 @@ class LibraryBuilder:
         if self._first:
             return self._first.pop()
         while self._waiting:
-            *_, cell, source = heapq.heappop(self._waiting)
+            entry = heapq.heappop(self._waiting)
+            *_, cell, source = entry
             if self._is_open(cell):
                 return self._task(cell, source)
+            if cell in self._running and cell not in self._solved:
+                self._later.setdefault(cell, []).append(entry)
         if self._running:
             return None
         if self._late_seeds is None:
@@ -270,21 +292,29 @@ class LibraryBuilder:
             self._spread(cell)
             self._record(cell, result.throw.optimum, solved=True)
             return
+        for entry in self._later.pop(cell, ()):
+            heapq.heappush(self._waiting, entry)
         failures = self._failures.get(cell, 0)
         self._failures[cell] = failures + 1
-        if isinstance(source, KnownThrow) and not failures:
-            self._record(cell, source.optimum)
+        if isinstance(source, KnownThrow):
+            self.failed_kinds[source.optimum.refinement.lazy] += 1
+            if not failures:
+                self._record(cell, source.optimum)
+        elif self._has_equal(cell):
+            self._record(cell, self._short[cell][0][1], boundary=True)
         if result.boundary is not None:
-            self._keep_boundary(cell, result.boundary)
+            goal, short = self._cells.middle(cell, self._target), self._short.setdefault(cell, [])
+            distance = self._solver.neighbour(result.boundary, goal).distance
+            short.append((distance, result.boundary))
+            short.sort(key=itemgetter(0))
+            if self._has_equal(cell) and self._is_open(cell):
+                # Neighbours are alike: sampled releases may lead there.
+                self._failures[cell] = SETTINGS.max_failures
+                self._first.append(self._task(cell, cell))
 
-    def _keep_boundary(self, cell: Cell, boundary: Optimum) -> None:
-        """Takes up a throw short of a cell; the nearest is recorded if two are equally near."""
-        goal, short = self._cells.middle(cell, self._target), self._short.setdefault(cell, [])
-        short.append((self._solver.neighbour(boundary, goal).distance, boundary))
-        short.sort(key=itemgetter(0))
-        if are_equal([away for away, _ in short]):
-            self._failures[cell] = SETTINGS.max_failures
-            self._record(cell, short[0][1], boundary=True)
+    def _has_equal(self, cell: Cell) -> bool:
+        """Whether throws from two neighbours ended at equal distances from a cell."""
+        return are_equal([distance for distance, _ in self._short.get(cell, ())])
 
     def _wait_for(self, cell: Cell, source: Cell, effort: float) -> None:
         """Puts a cell that has no throw into the queue."""

@@ -25,6 +25,11 @@ from .nlp_cache import Task
 ROUNDS = 4
 #: Most NLPs for the goal itself, once an elastic landing reaches it.
 TRIES = 4
+#: Largest pose error [m] of a start for which `NEAR_PRICE` is used.
+NEAR = 0.2
+#: Prices [1/m] of an elastic landing's pose error. At the edge of the reach the effort rises
+#: steeply: at `FAR_PRICE` landings end up to 11 mm short of it; from afar `NEAR_PRICE` fails.
+NEAR_PRICE, FAR_PRICE = 1000.0, 100.0
 #: Margin [m] to rim and wall of a cup, beyond its clearance.
 ELASTIC_CUP_MARGIN = 2e-4
 
@@ -35,10 +40,12 @@ def approach_goal(
     """Attempts to throw to the goal; those that land short of it have an `edge`.
 
     source: a solved throw that lands beside the goal, or a start. Where the start's own goal is
-    beside it, that is solved for first. light: end before an NLP with costly constraints, or with
-    clearances of further bodies.
+    beside it, that is solved for first. light: by FATROP alone, ending before an NLP with costly
+    constraints, or with clearances of bodies.
     """
     problems, sound = corrector.problems, True
+    away = _distance(source, goal, task)
+    price = NEAR_PRICE if away < NEAR else FAR_PRICE
     if isinstance(source, Neighbour):
         throw = throw_of(corrector.controls, problems.manipulator, source.optimum, task)
         guess, refinement = _guess(throw, task), throw.refinement
@@ -55,9 +62,9 @@ def approach_goal(
         margins = refinement.margins.replace(cup=ELASTIC_CUP_MARGIN - CUP_MARGIN)
         refinement = Refinement(refinement.lazy | {"flight"}, margins, refinement.bodies)
     for _ in range(ROUNDS):
-        start = Start(goal, guess, "fatrop", refinement, elastic=True)
+        start = Start(goal, guess, "fatrop", refinement, miss_price=price)
         *_, near = attempts(problems, start, task)
-        if near.throw is None and sound and "ipopt" in task.solvers:
+        if near.throw is None and sound and "ipopt" in task.solvers and not light:
             # From a sound throw IPOPT's restoration solves some that FATROP's does not.
             *_, near = attempts(problems, replace(start, solver="ipopt"), task)
         if near.throw is not None and _reaches(near.throw, goal):
@@ -73,6 +80,13 @@ def approach_goal(
             return
         # Again from the throw that this round began with.
         refinement = after
+
+
+def _distance(source: Start | Neighbour, goal: Pose, task: Task) -> float:
+    """Pose error [m] of a source's landing to the goal."""
+    if isinstance(source, Neighbour):
+        return source.distance
+    return goal.distance(source.goal, task.scene.object.half_length)
 
 
 def _guess(throw: PlannedThrow, task: Task) -> Callable[[ThrowNlp], Array]:

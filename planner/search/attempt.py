@@ -41,8 +41,8 @@ class Start:
     NLP with costly constraints. again: start all NLPs from `guess`, not from the broken throw.
     warm: solution with multipliers to start from; near: it is for almost this target. aim: (dx [m],
     dtheta [rad]) from the goal to the first NLP's landing. rough: corrections end at half the
-    scene's tolerance. robust: method of a robust NLP. elastic: the landing may miss the goal at a
-    price, and is checked at its own place.
+    scene's tolerance. robust: method of a robust NLP. miss_price [1/m]: above 0 the
+    landing may miss the goal at this price of its pose error, and is checked at its own place.
     """
 
     goal: Pose
@@ -57,7 +57,7 @@ class Start:
     aim: tuple[float, float] = (0.0, 0.0)
     rough: bool = False
     robust: str = ""
-    elastic: bool = False
+    miss_price: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -185,9 +185,9 @@ class _Candidate:
 def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
     """One NLP, its corrections and the check of its throw."""
     manipulator = problems.manipulator
-    request = Request(task.scene, manipulator, robust=start.robust, elastic=start.elastic)
+    request = Request(task.scene, manipulator, robust=start.robust, miss_price=start.miss_price)
     program = problems.problem(
-        start.goal, start.refinement, start.solver, task.clock, start.robust, start.elastic
+        start.goal, start.refinement, start.solver, task.clock, start.robust, request.elastic
     )
     with task.clock("guess"):
         guess = start.guess(program.nlp)
@@ -203,13 +203,13 @@ def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
         with task.clock("check"):
             throw = _planned_throw(program.nlp, best, start.refinement)
             judged = verdict(throw.deciding, start.goal)
-            if start.elastic and not judged.ok:
+            if request.elastic and not judged.ok:
                 names = program.nlp.binding_limits(
                     manipulator.joints, best.solution, program.limits
                 )
                 throw, edge = _where_it_lands(throw, start.goal, names)
                 judged = verdict(throw.deciding, edge.pose)
-            elif start.elastic:
+            elif request.elastic:
                 # No other NLP has the variables of its solution.
                 lands = throw.planned_landing
                 throw = replace(throw, nlp=None, solution=None, landing_of_nlp=lands)
@@ -274,7 +274,7 @@ class _Solves:
                 reason = "the object never comes down to the target's height"
                 break
             best, least = candidate, missed
-            if missed <= 1.0 or start.elastic:
+            if missed <= 1.0 or start.miss_price:
                 break
             aim = aim.corrected(miss)
             begin = WarmStart(solution)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -44,12 +45,13 @@ class Approach:
     """Bring a throw that lands beside the goal as near to it as limits let it.
 
     source: a solved throw, or a start that has its own landing for a goal. found: the throw is of
-    an earlier plan.
+    an earlier plan. light: with few costs (`approach_goal`).
     """
 
     goal: Pose
     source: Start | Neighbour
     found: bool = False
+    light: bool = False
 
 
 Try = Move | Solve | Approach
@@ -108,6 +110,29 @@ class History:
         return _edges(
             [one for one in entries if not isinstance(one.done, Approach) or not one.done.found]
         )
+
+    @property
+    def has_sampled(self) -> bool:
+        """Whether a try began with a sampled release."""
+        return any(
+            isinstance(one.source, Start) if isinstance(one, Approach) else one.origin == "samples"
+            for one in self.tries
+            if not isinstance(one, Move)
+        )
+
+    @property
+    def least_unresolved(self) -> float:
+        """Least pose error [m] of the light approaches that ended with a broken limit.
+
+        More constraints might lead there.
+        """
+        ends = [
+            one.attempts[-1]
+            for one in self.entries
+            if isinstance(one.done, Approach) and one.done.light and one.attempts
+        ]
+        broken = [one.missed for one in ends if not one.solved and not one.is_edge]
+        return min(broken, default=math.inf)
 
     @property
     def iterations(self) -> int:

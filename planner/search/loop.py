@@ -33,5 +33,5 @@ def _outcome(search: Search, step: Try) -> Iterable[Attempt]:
             return [context.corrector.attempt(near, task)]
         case Solve(start):
             return attempts(context.problems, start, task)
-        case Approach(goal, source):
-            return approach_goal(context.corrector, goal, source, task)
+        case Approach(goal, source, light=light):
+            return approach_goal(context.corrector, goal, source, task, light=light)

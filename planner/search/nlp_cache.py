@@ -136,7 +136,7 @@ class NlpCache:
         elastic: bool = False,
     ) -> CompiledNlp:
         """The NLP for a target with a solver: 'fatrop' or 'ipopt'."""
-        request = Request(self.scene, self.manipulator, target, refinement, robust, elastic)
+        request = Request(self.scene, self.manipulator, target, refinement, robust, float(elastic))
         kind = _kind(request), solver
         if kind not in self._compiled:
             nlp = self.nlp(request, clock)

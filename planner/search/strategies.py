@@ -35,7 +35,8 @@ class SearchSettings:
     max_distance, warm_distance: largest distance of a throw that is moved, and of a warm plan.
     near_distance: within it a warm plan's solution needs few iterations. first_starts: sampled
     starts solved before throws beside the target are brought to it. approaches: solved throws
-    brought as near to the target as limits allow. same_distance: a throw within it of one that is
+    brought as near to the target as limits allow; light_approaches: of the library, before all
+    sampled starts. same_distance: a throw within it of one that is
     kept is not kept. close_distance: a target within it of the nearest landing may be in reach of
     another motion. A target is out of reach if its `equal_landings` nearest landings have distances
     within a factor of `equal_ratio`.
@@ -48,6 +49,7 @@ class SearchSettings:
     near_distance: float = 0.005
     first_starts: int = 2
     approaches: int = 2
+    light_approaches: int = 4
     same_distance: float = 0.005
     close_distance: float = 0.1
     equal_landings: int = 2
@@ -199,26 +201,32 @@ class Search:
         return history.refinement(Refinement(frozenset({"passing"})) if self.blocked else BASE)
 
     def approaches(self) -> Iterator[Approach]:
-        """Approaches from throws of the library, then of earlier plans, then from samples."""
+        """Approaches from throws of earlier plans, then of the library, then from samples."""
         task, context = self.task, self.context
-        yield from self.stored
         if len(task.solvers) > 1:
-            for near in self._nearest(context.found, SETTINGS.approaches, math.inf):
-                yield Approach(near.goal, near, found=True)
+            for throws in (context.found, context.library):
+                for near in self._nearest(throws, SETTINGS.approaches, math.inf):
+                    yield Approach(near.goal, near, throws is context.found)
         candidates = self.arriving
         for index, goal, pose in candidates.judged:
             start = release_start(context.problems, task, candidates.releases, index, goal)
             yield Approach(goal, replace(start, goal=pose, again=True))
 
-    @cached_property
-    def stored(self) -> list[Approach]:
-        """Approaches from the library: from the boundary of the reach, then from other throws."""
-        task, library = self.task, self.context.library
-        if len(task.solvers) == 1:
-            return []
-        boundary = library.nearest_of_boundary(task.target, task.turns, 1)
-        others = self._nearest(library, SETTINGS.approaches, math.inf)
-        return [Approach(near.goal, near) for near in (*boundary, *others)]
+    def light_approaches(self) -> Iterator[Approach]:
+        """Approaches from the library's nearest throw, of the boundary if it has one there, from
+        sampled releases, and from other throws of the library."""
+        task, context = self.task, self.context
+        if len(task.solvers) == 1 or self.blocked:
+            return
+        boundary = context.library.nearest_of_boundary(task.target, task.turns, 1)
+        others = self._nearest(context.library, SETTINGS.light_approaches - 1, math.inf)
+        for number, near in enumerate((*boundary, *others)):
+            yield Approach(near.goal, near, light=True)
+            candidates = self.candidates.clearest[: SETTINGS.first_starts if number == 0 else 0]
+            for index, goal, _ in candidates:
+                start = release_start(context.problems, task, self.candidates.releases, index, goal)
+                refinement = near.optimum.refinement.for_other_motion
+                yield Approach(goal, replace(start, refinement=refinement), light=True)
 
     @cached_property
     def arriving(self) -> Candidates:
@@ -228,22 +236,28 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        The nearest landings are equal and, without a library, not close (`SearchSettings`).
-        Landings from throws of earlier plans do not count, since these may be alike; but one new
-        start that leads no nearer is enough beyond a target for which all starts ended there. No
-        throw of the library, nor a sampled one that clears column and hand, lands nearer to the
-        target.
+        The nearest landings are equal and, without a library, not close (`SearchSettings`). Sampled
+        starts lead no nearer: throws that land side by side, as a library's, may be alike. Those of
+        earlier plans do not count. But one new start that leads no nearer is enough beyond a target
+        for which all starts ended there.
         """
-        new, library = history.new_edges, self.context.library
-        ratio = SETTINGS.equal_ratio
+        new = history.new_edges
         if not new:
             return False
         least = history.edges[0].missed
         if not self._is_known(history.edges[0].edge):
-            is_close = least < SETTINGS.close_distance and not len(library)
+            is_close = least < SETTINGS.close_distance and not len(self.context.library)
             if is_close or not are_equal([one.missed for one in new]):
                 return False
-        clear = self.candidates.releases.clear
+            if (not self.blocked and not history.has_sampled) or least > history.least_unresolved:
+                return False
+        return self.is_nearest(history)
+
+    def is_nearest(self, history: History) -> bool:
+        """Whether no throw of the library, nor a sampled one that clears column and hand, lands
+        nearer to the target than the nearest landing found."""
+        library, ratio = self.context.library, SETTINGS.equal_ratio
+        least, clear = history.edges[0].missed, self.candidates.releases.clear
         others = [away for index, _, away in self.candidates.nearest if clear[index]]
         others += [one.distance for one in self._nearest(library, 1, math.inf)]
         boundary = library.nearest_of_boundary(self.task.target, self.task.turns, 1)
@@ -316,22 +330,28 @@ def from_nearest_samples(search: Search, history: History) -> Try | None:
 
 
 def from_library(search: Search, history: History) -> Try | None:
-    """A throw of the library that lands beside the target, brought as near to it as limits let it.
+    """A throw of the library near the target, brought as near to it as limits let it.
 
-    Most targets that no throw of it was moved to are out of reach; this says so soonest.
+    Most targets that no throw was moved to are out of reach; this says so soonest.
     """
-    number = sum(isinstance(one, Approach) for one in history.tries)
-    return from_beside(search, history) if number < len(search.stored) else None
+    return _approach(search, history, search.light_approaches(), light=True)
 
 
 def from_beside(search: Search, history: History) -> Try | None:
     """A throw that lands beside the target, brought as near to it as limits let it."""
-    number = sum(isinstance(one, Approach) for one in history.tries)
+    return _approach(search, history, search.approaches(), light=False)
+
+
+def _approach(
+    search: Search, history: History, approaches: Iterator[Approach], *, light: bool
+) -> Try | None:
+    """The next of the approaches that was not tried."""
+    number = sum(isinstance(one, Approach) and one.light == light for one in history.tries)
     enough = history.found or search.is_settled(history)
     is_given_up = search.blocked and number == SETTINGS.equal_landings
     if enough or is_given_up or not search.candidates.nearest:
         return None
-    return next(islice(search.approaches(), number, None), None)
+    return next(islice(approaches, number, None), None)
 
 
 def from_samples(search: Search, history: History) -> Try | None:
