@@ -12,7 +12,9 @@ import throwplan as tp
 
 def moving(planner: tp.Planner, speed: float | None = None, **changes) -> tp.Plan:
     velocity = None if speed is None else (speed,)
-    return planner.plan(dataclasses.replace(planner.scene.target, velocity=velocity, **changes))
+    # Some take nearly the usual patience; what is tested here is not the time.
+    target = dataclasses.replace(planner.scene.target, velocity=velocity, **changes)
+    return planner.plan(target, patience=20.0)
 
 
 def assert_met(plan: tp.Plan) -> None:

@@ -199,7 +199,7 @@ def test_from_a_throws_end_the_way_goes_over_the_floor(tmp_path, planner_of) -> 
     """Straight it would draw the bar through it: the shoulder is raised first."""
     planner = planner_of("fr3")
     target = planner.scene.target.in_plane(1.557, math.radians(148))
-    planner.plan(target).save(tmp_path, draw=False)
+    planner.plan(target, patience=20.0).save(tmp_path, draw=False)
     motion = joint_motion(tmp_path)
     way = approach(motion, motion.q[-1])
     assert way[-1] == pytest.approx(motion.q[0], abs=1e-6)
