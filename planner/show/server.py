@@ -115,7 +115,7 @@ class Panel:
         self.release = gui.add_button(
             "go to the release", hint="the opening: the force starts to fall"
         )
-        self.legend = gui.add_html(_legend(self.throw.phases()))
+        self.legend = gui.add_html(_legend(self.throw.shown_phases()))
         self.slider.on_update(lambda _: self._slider_moved())
         self.button.on_click(lambda _: self.play(not self.playing))
         self.release.on_click(lambda _: self.go(self.throw.throw.opening_time))
@@ -127,7 +127,7 @@ class Panel:
             self.throw, self.end = throw, float(throw.line.times[-1])
             self.view.change(throw)
             self.slider.value, self.slider.max = 0, round(1e3 * self.end)
-            self.legend.content = _legend(throw.phases())
+            self.legend.content = _legend(throw.shown_phases())
             self.go(self.time if self.playing else throw.throw.opening_time)
 
     def go(self, time: float) -> None:
@@ -136,7 +136,7 @@ class Panel:
             self.time = min(max(time, 0.0), self.end)
             self.view.show(self.time)
             self.slider.value = round(1e3 * self.time)
-            phases = self.throw.phases().items()
+            phases = self.throw.shown_phases().items()
             phase = [name for name, start in phases if name in PHASES and start <= self.time][-1]
             phase = self.throw.line.end if phase == "landed" else phase
             since = 1e3 * (self.time - self.throw.throw.opening_time)

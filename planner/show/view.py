@@ -93,8 +93,12 @@ class SpaceThrow:
                 found[name] = opening + float(onset)
         if found.get("pivot", -1.0) == found.get("slide"):
             del found["pivot"]
-        found |= {"flight": self.throw.detach_time, "landing": self.throw.landing_time}
-        return found | ({"landed": self.throw.landing_time} if self.line.end else {})
+        return found | {"flight": self.throw.detach_time, "landing": self.throw.landing_time}
+
+    def shown_phases(self) -> dict[str, float]:
+        """`phases`, and the motion after the landing where it is followed."""
+        landed = {"landed": self.throw.landing_time} if self.line.end else {}
+        return self.phases() | landed
 
     def target(self, target: Pose | None = None) -> Array:
         """Pose (4, 4) of a target, default the throw's; of a region that nearest to the landing;
