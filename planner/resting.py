@@ -46,7 +46,7 @@ class RestingSettings:
     samples that compare throws; a plan's own count has another.
     """
 
-    prices: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)
+    prices: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0, 10.0)
     nearest: int = 40
     trials: int = 5
     off: float = 0.03

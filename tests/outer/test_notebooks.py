@@ -13,6 +13,8 @@ import pytest
 
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
 NAMES = ("target_cup", "fifty_milliseconds", "timing", "bin", "your_own", "learning")
+#: Kinds of pictures and films.
+PICTURES = {"image/png", "image/gif"}
 #: Largest file [bytes].
 LARGEST = 1_500_000
 
@@ -53,8 +55,7 @@ def test_the_notebook_beside_a_script_is_made_from_it(execute: dict[str, Any], n
     assert [cell.execution_count for cell in code] == list(range(1, len(code) + 1))
     outputs = [output for cell in code for output in cell.outputs]
     assert not [output for output in outputs if output.output_type == "error"]
-    kinds = {"image/png", "image/gif"}
-    pictures = [output for output in outputs if kinds & output.get("data", {}).keys()]
+    pictures = [output for output in outputs if PICTURES & output.get("data", {}).keys()]
     assert len(pictures) >= (2 if name == "bin" else 4)
     # Nothing of the machine that it ran on.
     words = "".join(output.get("text", "") for output in outputs)
@@ -69,7 +70,7 @@ def test_a_notebook_runs_and_draws(run: Any, name: str) -> None:
     streams = [output for output in outputs if output.output_type == "stream"]
     assert {output.name for output in streams} == {"stdout"}
     for cell in code:
-        shown = [output for output in cell.outputs if "image/png" in output.get("data", {})]
+        shown = [output for output in cell.outputs if PICTURES & output.get("data", {}).keys()]
         assert bool(shown) == ("plt.show()" in cell.source or "display(" in cell.source)
 
 
