@@ -268,7 +268,7 @@ not fit through the rim, and the answer is the nearest angle that does.
 # %%
 free = planner.plan(tp.Pose(0.9, 0.22, math.radians(630)), turns="any")
 print(f"630 deg, turns free: {free.status}, lands at {math.degrees(free.target.theta):.0f} deg")
-tilted = planner.plan(tp.Pose(0.9, 0.22, math.radians(-60)))
+tilted = planner.plan(tp.Pose(0.9, 0.22, math.radians(-60)), patience=30)
 print("-60 deg:", tilted.message)
 
 # %% [markdown]
