@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from throwplan import Cup, InputError, Planner, Region, Scene, load_scene
+from throwplan import InputError, Planner
 from throwplan.planner.show import Row, Table
 
 from .page import Effort, ReportSection
 from .processes import shared
+from .rest import bin_scene
 
-#: Seed of the scenes.
-SEED = 0
 #: Poses of a grid over a region: of x, of theta.
 GRID = (5, 3)
-#: Half the widths of a region: x as a share of the bin's radius, theta [rad].
-HALF_WIDTHS = 0.5, math.radians(25.0)
 #: Costs are equal within this share: the solver's and the correction's accuracy.
 EQUAL = 1e-3
 
 
 def make(effort: Effort) -> ReportSection:
-    """Bars thrown into bins on the floor and below it."""
+    """The bars and bins of the section `rest`."""
     jobs, rows = range(effort.of(1, 30)), list[Row]()
     step, columns = effort.counter(len(jobs)), [effort.of(2, GRID[0])] * len(jobs)
     for found in shared(_compared, jobs, columns, quick=effort.quick):
@@ -48,36 +44,9 @@ def _figures(table: Table) -> list[str]:
     ]
 
 
-def bin_scene(number: int) -> Scene:
-    """A random bar and bin; the target is a region about the bin's middle."""
-    random, base = np.random.default_rng([SEED, number]), load_scene("near-cup")
-    while True:
-        length, radius, depth = random.uniform((0.08, 0.06, 0.08), (0.35, 0.13, 0.25))
-        x, mass = random.uniform((0.75, 0.08), (1.45, 0.3))
-        com = length * random.uniform(0.35, 0.6)
-        rim = depth + random.choice([-0.6, 0.02, 0.02])
-        # The lower end is 1 cm below the rim.
-        z, theta = rim - 0.01 + length - com, -math.pi / 2
-        bar: dict[str, Any] = {"mass": mass, "length": length, "com": com}
-        try:
-            return base.replace(
-                name=f"bin {number}",
-                object=type(base.object)(width=0.02, inertia=mass * length**2 / 12, **bar),
-                cup=Cup(x, rim, radius, depth, clearance=0.003, insertion=min(0.6 * depth, 0.08)),
-                target=Region(
-                    x=(x - HALF_WIDTHS[0] * radius, x + HALF_WIDTHS[0] * radius),
-                    z=z,
-                    theta=(theta - HALF_WIDTHS[1], theta + HALF_WIDTHS[1]),
-                ),
-            )
-        except InputError:
-            # A bar too wide for the bin: another one.
-            continue
-
-
 def _compared(number: int, columns: int) -> Row:
     """The plans of one scene."""
-    scene = bin_scene(number)
+    scene = bin_scene(number).replace(rest=None)
     region = scene.target
     assert region is not None and scene.cup is not None
     plan = Planner(scene, library=False).plan()

@@ -113,10 +113,8 @@ class Planner:
         if start is not None and method:
             raise InputError("start: a robust plan begins at rest")
         wanted = self._wanted(alternatives)
-        several = LONG_PATIENCE if wanted > 1 else PATIENCE
-        usual = ROBUST_PATIENCE if method else several
         solvers = ("fatrop", "ipopt") if solver == "auto" else (solver,)
-        clock = Clock.lasting(usual if patience is None else patience)
+        clock = Clock.lasting(_usual_patience(method, wanted) if patience is None else patience)
         task = Task(self.scene.aimed_at(target), target, solvers, clock, turns, wanted)
         built, self._build_time = self._build_time, 0.0
         context, known = self._context, None if warm is None else warm.throw
@@ -135,9 +133,7 @@ class Planner:
         if plan.solved and method:
             plan = self._hardened(plan, method, task)
         elif plan.solved and self.scene.rest is not None:
-            more = Clock.lasting(REST_PATIENCE) if patience is None else clock
-            more = dataclasses.replace(more, seconds=clock.seconds)
-            plan = most_resting(context, task, plan, more)
+            plan = most_resting(context, task, plan, REST_PATIENCE if patience is None else None)
         total, spent = time.perf_counter() - started + built, dict(clock.seconds)
         spent["build"] += built
         rest = plan.alternatives[:alternatives]
@@ -273,6 +269,13 @@ class Planner:
         """Number of distinct throws to find before one is chosen."""
         choice = self.scene.choice
         return max(1 if choice is None else choice.among, 1 + alternatives)
+
+
+def _usual_patience(method: str, wanted: int) -> float:
+    """Default patience [s] of a robust plan, or of a plan of `wanted` throws."""
+    if method:
+        return ROBUST_PATIENCE
+    return LONG_PATIENCE if wanted > 1 else PATIENCE
 
 
 class Options(TypedDict, total=False):

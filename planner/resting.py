@@ -58,13 +58,19 @@ class RestingSettings:
 SETTINGS = RestingSettings()
 
 
-def most_resting(context: SearchContext, task: Task, plan: Plan, clock: Clock) -> Plan:
+def most_resting(
+    context: SearchContext, task: Task, plan: Plan, patience: float | None = None
+) -> Plan:
     """`plan`, or the plan of another throw to its target whose object rests there more often.
 
-    clock: time limit. A plan to a target that moves, or with a time of arrival, stays as it is.
+    patience [s]: time for it; None for what is left of the task's time. A plan to a target that
+    moves, or with a time of arrival, stays as it is.
     """
     if not plan.target.at_rest:
         return plan
+    clock = task.clock
+    if patience is not None:
+        clock = replace(Clock.lasting(patience), seconds=clock.seconds)
     best, most, seen = plan, _share(plan), [_landing(plan)]
     for other in plan.alternatives:
         seen.append(_landing(other))
@@ -78,7 +84,8 @@ def most_resting(context: SearchContext, task: Task, plan: Plan, clock: Clock) -
         if not found or not found[-1].solved:
             continue
         other = solved_plan(search, History((Entry(Solve(start, "samples"), tuple(found)),)))
-        other = replace(other, target=plan.target)
+        words = found[-1].throw.words(plan.target) if found[-1].throw else ""
+        other = replace(other, target=plan.target, message=words)
         if any(np.abs(_landing(other) - known).max() < SETTINGS.alike for known in seen):
             continue
         seen.append(_landing(other))

@@ -172,19 +172,12 @@ class Scene(Section):
             self.uncertainty.check_possible(self.values, self.ranges)
 
     def _check_rest(self) -> None:
-        rest = self.rest
-        if rest is None:
+        if self.rest is None:
             return
         if self.target is None:
             raise InputError("[rest]: only for a scene with [target]")
-        if rest.in_ and self.cup is None:
-            raise InputError("[rest] in = 'cup': the scene has no [cup]")
-        named = {obstacle.name: obstacle for obstacle in self.obstacle}
-        if rest.on is not None and rest.on not in named:
-            known = f"; obstacles: {', '.join(named)}" if named else ": the scene has none"
-            raise InputError(f"[rest] on = {rest.on!r}: must name an [[obstacle]]{known}")
-        if rest.on is not None and (named[rest.on].kind != "box" or named[rest.on].pitch):
-            raise InputError(f"[rest] on = {rest.on!r}: must be a box without pitch_deg")
+        with within("[rest]", " "):
+            self.rest.check_place(self.cup, self.obstacle)
 
     def _load_arm(self, manipulator: str) -> None:
         """The data of the arm named by [robot] or [motion], unless given."""
@@ -255,8 +248,7 @@ class Scene(Section):
         return scene
 
     def aimed_at(self, target: Pose) -> Scene:
-        """The scene with another target; a cup moves with the target in x and z, as far as its
-        middle does."""
+        """The scene with another target; a cup moves in x and z with the target's middle."""
         cup, old = self.cup, self.target
         if cup is not None and old is not None:
             dx, dz = target.plane_x - old.plane_x, target.z - old.z

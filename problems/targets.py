@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -210,6 +211,17 @@ class Rest(Section):
             low, high = getattr(self, name)
             if low > high:
                 raise InputError(f"{name} = [{low:g}, {high:g}]: the lowest comes first")
+
+    def check_place(self, cup: Cup | None, obstacles: Sequence[Obstacle]) -> None:
+        """InputError for a place that a scene does not have."""
+        if self.in_ is not None and cup is None:
+            raise InputError("in = 'cup': the scene has no [cup]")
+        named = {obstacle.name: obstacle for obstacle in obstacles}
+        if self.on is not None and self.on not in named:
+            known = f"; obstacles: {', '.join(named)}" if named else ": the scene has none"
+            raise InputError(f"on = {self.on!r}: must name an [[obstacle]]{known}")
+        if self.on is not None and (named[self.on].kind != "box" or named[self.on].pitch):
+            raise InputError(f"on = {self.on!r}: must be a box without pitch_deg")
 
     @property
     def place(self) -> str:

@@ -20,6 +20,7 @@ from .rollouts import (
     enters_cup,
     entry_states,
     is_in_cup,
+    is_still,
     rest_motion,
     roll_to_rest,
 )

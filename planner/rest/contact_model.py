@@ -20,7 +20,7 @@ WALL = 0.005
 BOXES = 48
 #: Names of bodies.
 HAND, COLUMN, CUP_WALL = "hand", "base column", "cup wall"
-#: Stiffness [1/s^2] of contacts: lifts a body that sank in, by at most 1 cm/s from 2 mm.
+#: Stiffness [1/s^2] of contacts: lifts a body that sank in by 2 mm at 2.5 mm/s at most.
 LIFT = 2500.0
 #: Share of the demanded acceleration that a contact reaches; MuJoCo allows no more.
 IMPEDANCE = 0.9999
@@ -84,16 +84,16 @@ class ContactModel:
             pair.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2]
             pair.solreffriction = [-1e-6, -1.0 / step]
         made = cls(spec.compile(), step)
-        made.set_contact(restitution, friction)
+        made._set_contact(restitution, friction)
         return made
 
     def with_contact(self, restitution: float, friction: float) -> ContactModel:
         """A copy with other contacts."""
         copy = ContactModel(self.model.__copy__(), self.step)
-        copy.set_contact(restitution, friction)
+        copy._set_contact(restitution, friction)
         return copy
 
-    def set_contact(self, restitution: float, friction: float) -> None:
+    def _set_contact(self, restitution: float, friction: float) -> None:
         """Set restitution and friction of every contact."""
         self.model.pair_solref[:] = -LIFT, -(1 + restitution) / self.step
         self.model.pair_friction[:, :2] = friction
@@ -195,7 +195,7 @@ def _add_cup(spec: Any, cup: Cup) -> None:
 
 
 def _add_arm(spec: Any, scene: Scene) -> None:
-    """The hand and the base column, as far as the scene keeps the bar off them."""
+    """The hand and the base column, if the scene keeps the bar off them."""
     kinds, workspace = load_mujoco().mjtGeom, scene.workspace
     if has_hand(scene):
         assert scene.arm is not None

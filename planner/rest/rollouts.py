@@ -64,8 +64,8 @@ class Ends:
 def entry_states(scene: Scene, detach: Array) -> tuple[Array, Array]:
     """Times (N,) [s] of free flight, and states (N, 6) at their ends; detach (N, 6).
 
-    There the bar comes down to the highest body around it; one that is never above it enters at
-    detach.
+    The flight is free until the bar comes down to the height of the highest body around it; from
+    detach on it is not if the bar never is above that height.
     """
     flight, bar = scene.flight, scene.object
     heights = [floor_of(scene) or 0.0]
@@ -85,34 +85,39 @@ def roll_to_rest(scene: Scene, states: Array, restitution: Array, friction: Arra
     restitution, friction (N,): of all contacts of each. The arm is out of the way. InputError
     without MuJoCo.
     """
-    mujoco, rollout = load_mujoco(), _rollout()
+    return _roll(scene, states, restitution, friction)[0]
+
+
+def _roll(
+    scene: Scene, states: Array, restitution: Array, friction: Array, keep: bool = False
+) -> tuple[Ends, list[Array]]:
+    """See `roll_to_rest`; keep: with MuJoCo's states (N, K, 14) of the bars in each stretch."""
+    mujoco, rollout = load_mujoco(), importlib.import_module("mujoco.rollout")
     base = ContactModel.of(scene, SETTINGS.step, 0.0, 0.0)
     pairs = zip(restitution, friction, strict=True)
-    if not len(states):
-        none = np.zeros(0, bool)
-        return Ends(np.empty((0, 3)), np.empty((0, 3)), none, none, none, none)
     models = [base.with_contact(float(e), float(mu)).model for e, mu in pairs]
-    threads = [mujoco.MjData(base.model) for _ in range(min(os.cpu_count() or 1, len(models)))]
-    now = base.state(states)
+    threads = [mujoco.MjData(base.model) for _ in range(os.cpu_count() or 1)]
+    now, kept = base.state(states), list[Array]()
     running, count = np.arange(len(now)), round(SETTINGS.stretch / SETTINGS.step)
     (at_rest, entered, lost), since = np.zeros((3, len(now)), bool), np.zeros(len(now))
-    for _ in range(math.ceil(SETTINGS.longest / SETTINGS.stretch)):
-        chosen = [models[i] for i in running]
-        with rollout.Rollout(nthread=len(threads)) as pool:
+    with rollout.Rollout(nthread=len(threads)) as pool:
+        for _ in range(math.ceil(SETTINGS.longest / SETTINGS.stretch)):
+            if not running.size:
+                break
+            chosen = [models[i] for i in running]
             path, _ = pool.rollout(chosen, threads, now[running], nstep=count)
-        now[running] = path[:, -1]
-        at_rest[running] = _rests(path)
-        com, axis = pose_of(path)
-        if scene.cup is not None:
-            entered[running] |= enters_cup(scene, scene.cup, com, axis).any(axis=1)
-        falls = path[:, -1, 10] < 0.0
-        lost[running] = falls & _is_lost(scene, com[:, -1])
-        there = _is_there(scene, com, axis).all(axis=1)
-        since[running] = np.where(there, since[running] + SETTINGS.stretch, 0.0)
-        running = running[~(at_rest | lost)[running]]
-        if not running.size:
-            break
-    return Ends(*pose_of(now), at_rest, entered, lost, since >= SETTINGS.settled)
+            kept += [path] if keep else []
+            now[running] = path[:, -1]
+            at_rest[running] = is_still(path[:, -round(SETTINGS.still_time / SETTINGS.step) :])
+            com, axis = pose_of(path)
+            if scene.cup is not None:
+                entered[running] |= enters_cup(scene, scene.cup, com, axis).any(axis=1)
+            falls = path[:, -1, 10] < 0.0
+            lost[running] = falls & _is_lost(scene, com[:, -1])
+            there = _is_there(scene, com, axis).all(axis=1)
+            since[running] = np.where(there, since[running] + SETTINGS.stretch, 0.0)
+            running = running[~(at_rest | lost)[running]]
+    return Ends(*pose_of(now), at_rest, entered, lost, since >= SETTINGS.settled), kept
 
 
 @dataclass(frozen=True)
@@ -131,42 +136,28 @@ def rest_motion(scene: Scene, detach: FlightState) -> RestMotion:
     """The motion from the state at detach, with contacts in the middle of [rest]'s ranges."""
     rest = scene.rest
     assert rest is not None
-    mujoco, rollout = load_mujoco(), _rollout()
-    restitution, friction = (sum(pair) / 2 for pair in (rest.restitution, rest.friction))
-    made = ContactModel.of(scene, SETTINGS.step, restitution, friction)
     free, states = entry_states(scene, np.array([astuple(detach)]))
+    middles = (np.array([sum(pair) / 2]) for pair in (rest.restitution, rest.friction))
+    restitution, friction = middles
+    ends, parts = _roll(scene, states, restitution, friction, keep=True)
+    rows = np.concatenate([part[0] for part in parts])
     flown = np.arange(0.0, float(free[0]), SETTINGS.step)
     flight = scene.flight.after(detach, flown).pose
-    parts, data = [made.state(states)], [mujoco.MjData(made.model)]
-    for _ in range(math.ceil(SETTINGS.longest / SETTINGS.stretch)):
-        with rollout.Rollout(nthread=1) as pool:
-            count = round(SETTINGS.stretch / SETTINGS.step)
-            path, _ = pool.rollout(made.model, data, parts[-1][-1:], nstep=count)
-        parts.append(path[0])
-        if _rests(path)[0]:
-            break
-    rows = np.concatenate(parts)
-    com, axis = pose_of(rows)
-    times = np.concatenate([flown, float(free[0]) + SETTINGS.step * np.arange(len(rows))])
+    times = np.concatenate([flown, float(free[0]) + SETTINGS.step * np.arange(1, len(rows) + 1)])
     poses = np.hstack([flight, plane_poses(rows, states[0, 2])])
-    entered = scene.cup is not None and enters_cup(scene, scene.cup, com, axis).any()
-    words = "bounces out of the cup" if rest.in_ and entered else f"does not rest {rest.place}"
-    if _is_there(scene, com[-1], axis[-1]):
-        words = f"{'rests' if _rests(rows[None])[0] else 'still rocks'} {rest.place}"
+    if ends.where_wanted(scene)[0]:
+        words = f"{'rests' if ends.at_rest[0] else 'still rocks'} {rest.place}"
+    elif rest.in_ is not None and ends.entered[0]:
+        words = "bounces out of the cup"
+    else:
+        words = f"does not rest {rest.place}"
     return RestMotion(times, poses, words)
 
 
-def _rollout() -> Any:
-    load_mujoco()
-    return importlib.import_module("mujoco.rollout")
-
-
-def _rests(path: Array) -> Flags:
-    """Flags (N,) of the bars that are still at the end of a path (N, K, 14)."""
-    last = path[:, -round(SETTINGS.still_time / SETTINGS.step) :, 8:]
-    speed = np.linalg.norm(last[..., :3], axis=-1).max(axis=1)
-    rate = np.linalg.norm(last[..., 3:], axis=-1).max(axis=1)
-    return np.asarray((speed < SETTINGS.still_speed) & (rate < SETTINGS.still_rate))
+def is_still(states: Array) -> Flags:
+    """Flags (...) of the bars that are still in all of MuJoCo's states (..., K, 14)."""
+    speed, rate = (np.linalg.norm(states[..., i : i + 3], axis=-1) for i in (8, 11))
+    return np.asarray(((speed < SETTINGS.still_speed) & (rate < SETTINGS.still_rate)).all(axis=-1))
 
 
 def _lowest(scene: Scene, com: Array, axis: Array) -> Array:

@@ -18,6 +18,7 @@ from ..rest import (
     enters_cup,
     has_hand,
     is_in_cup,
+    is_still,
     load_mujoco,
     plane_poses,
     pose_of,
@@ -140,8 +141,7 @@ def fly(
 ) -> SimulatedFlight:
     """The flight from `start` to `end` [s], with a cup until the bar rests, at most 4 s longer.
 
-    detach (6,): pose and twist of the bar at `start`. A bar rests that has been slower than 5 mm/s
-    and 0.05 rad/s for 0.1 s.
+    detach (6,): pose and twist of the bar at `start`. A bar rests that was still for 0.1 s.
     """
     mujoco, scene, cup = load_mujoco(), throw.scene, throw.scene.cup
     made = ContactModel.of(scene, step, restitution, FRICTION, arm=True)
@@ -173,8 +173,7 @@ def fly(
         contacts = {names[geom] for geom in data.contact.geom.ravel()} if data.ncon else set()
         touched_rim |= CUP_WALL in contacts and not entered
         touched |= dict.fromkeys(sorted(contacts - {"bar"}))
-        speed, turning = np.linalg.norm(data.qvel[:3]), np.linalg.norm(data.qvel[3:])
-        still = still + 1 if speed < 0.005 and turning < 0.05 else 0
+        still = still + 1 if is_still(states[k : k + 1]) else 0
         if cup is not None and still * step >= 0.1 and times[k] > end:
             break
     states, times, at_rest = states[: k + 1], times[: k + 1], still * step >= 0.1

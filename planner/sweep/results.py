@@ -113,7 +113,7 @@ class Sweep:
             "success": _rate(self.success),
             "in_tolerance": _rate(self.landings.in_tolerance),
             "in_cup": None if scene.cup is None else _rate(self.landings.in_cup),
-            **({} if self.rests is None else {"rests": self.rests.to_dict()}),
+            **self._rest_entries(),
             "held": _rate(self.landings.sticks),
             "broken": self._broken,
             "nominal": {"x": x, "theta": theta},
@@ -156,6 +156,13 @@ class Sweep:
             for first in range(0, self.samples, ROWS):
                 rows = np.column_stack([column[first : first + ROWS] for column in columns])
                 np.savetxt(file, rows, delimiter=",", fmt=formats)
+
+    def _rest_entries(self) -> dict[str, Any]:
+        """How many of the first samples rest where [rest] wants them, and their share."""
+        if self.rests is None:
+            return {}
+        rate = _rate(np.arange(self.rests.of) < self.rests.rests)
+        return {"rests": self.rests.to_dict() | rate}
 
     @property
     def _broken(self) -> dict[str, float]:

@@ -35,7 +35,7 @@ def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
     if "rests" in result:
         rests = result["rests"]
         words = f"rest {rests['place']}, of the first {rests['of']}"
-        lines.append(f"  {'':7} {100 * rests['rests'] / rests['of']:6.2f} % {words}")
+        lines.append(f"  {'':7} {_percent(rests)} {words}")
     counted = {Code.LANDING, Code.CUP_MISSED, Code.CUP_WALL} if into_cup else {Code.LANDING}
     for code in Code:
         if code.value in result["broken"] and code not in counted:

@@ -157,7 +157,9 @@ def test_a_sweep_counts_the_throws_that_rest(tmp_path) -> None:
     swept = tp.sweep(plan, samples=64)
     found = swept.to_dict()["rests"]
     assert found["of"] == 64 and found["rests"] == swept.rests.rests
-    assert f"{100 * swept.rests.share:6.2f} % rest in the cup" in swept.summary()
+    assert found["low"] < found["rate"] == swept.rests.share <= found["high"]
+    line = next(line for line in swept.summary().splitlines() if "rest in the cup" in line)
+    assert line.split()[0] == f"{100 * swept.rests.share:.2f}"
     plan.save(tmp_path, draw=False)
     definition = json.loads((tmp_path / "plan.json").read_text())["definition"]
     assert definition["rest"]["in"] == "cup"
