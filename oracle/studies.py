@@ -69,7 +69,7 @@ def corner_contacts(arm: str, count: int) -> Iterator[tuple[str, float]]:
         place = tuple(map(float, frame.point(corner)[0][0]))
         obstacle = Obstacle("peg", kind, extent, place, clearance=0.0)
         try:
-            plan = tp.Planner(scene.replace(obstacle=(obstacle,))).plan()
+            plan = tp.Planner(scene.replace(obstacle=(obstacle,))).plan(patience=20.0)
         except tp.InputError:
             yield "refused", 0.0
             continue
