@@ -23,7 +23,7 @@ from .records import Records
 
 #: Version of the records. Raise it where a field or a number of `ReducedVariables` gets another
 #: meaning, and where the reach grows: landings that no throw was found for are not tried again.
-FORMAT = 4
+FORMAT = 5
 
 
 def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:

@@ -32,8 +32,8 @@ def record_type(controls: ReducedVariables, angle: bool) -> np.dtype[Any]:
 
     solved: the record is a throw that lands at landing (x [m], theta [rad]). Else the library's
     growth found no throw that lands there. boundary: the record is the throw that limits let come
-    nearest to the landing; it lands beside it and breaks nothing. A record that is neither has the
-    numbers of the throw that was tried first.
+    nearest to the landing; it lands beside it and breaks nothing, and throws from several starts
+    ended so near. A record that is neither has the numbers of the throw that was tried first.
     """
     f, u = "<f4", controls.size
     fields: list[Any] = [

@@ -22,8 +22,6 @@ from .stages import JERK_UNIT, Block, Structure
 from .terms import TERMS
 from .transcription import UNITS, Ocp, grip_instants
 
-#: Price [1/m] of an elastic landing's pose error.
-MISS_PRICE = 100.0
 #: Parts of a carry interval with grip constraints at their ends: without and with lazy "carry".
 INSTANTS = (2, 8)
 #: A limit binds if its multiplier is above this share of the largest one.
@@ -159,7 +157,7 @@ def build_nlp(request: Request) -> ThrowNlp:
         angle=request.angle,
         pivot=request.angle or scene.com_offset > 0 or turns,
         ranges=request.ranges,
-        elastic=request.elastic,
+        elastic=request.elastic > 0.0,
         robust=bool(request.robust),
     )
     ocp = Ocp(structure, manipulator)
@@ -206,6 +204,6 @@ def _common_values(request: Request) -> dict[str, Any]:
         "target_theta": 0.0 if target.theta is None else target.theta,
         "half_width_x": target.half_widths[0],
         "half_width_theta": target.half_widths[1],
-        "price_x": MISS_PRICE,
-        "price_theta": MISS_PRICE * scene.object.half_length,
+        "price_x": request.elastic,
+        "price_theta": request.elastic * scene.object.half_length,
     }

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...core import MoveC, library
 from ...models import Array, Flags, Indices, Trajectory
-from .nlp import MISS_PRICE, ThrowNlp
+from .nlp import ThrowNlp
 from .problem import Weights, mean_effort, variable_bounds
 from .request import BASE, Refinement, Request
 from .solver import Solution, Solver
@@ -152,7 +152,8 @@ class QpSettings:
     min_curvature: smaller or negative curvatures are raised to this share of the largest; in such
     directions an optimum of the NLP moves far at no cost. rank_tolerance: singular values of active
     constraints below this share of the largest count as zero. trust_region: largest change of a
-    variable in a step, as a share of its range. violation_price: of broken limits, per unit of u.
+    variable in a step, as a share of its range. miss_price [1/m]: of a landing off the target;
+    violation_price: of broken limits, per unit of u.
     reach: the QP starts with the limits within this distance in u. rounds: each adds the limits
     that its step breaks; the last step is accepted with them broken. size_multiple: the number of
     limits is a multiple of it; a solver is made for each number. zero: smaller lengths and
@@ -162,6 +163,7 @@ class QpSettings:
     min_curvature: float = 1e-4
     rank_tolerance: float = 1e-6
     trust_region: float = 0.15
+    miss_price: float = 100.0
     violation_price: float = 1e4
     reach: float = 0.5
     rounds: int = 3
@@ -176,13 +178,12 @@ QP = QpSettings()
 class Step:
     """A step of the reduced QP.
 
-    du (size,); residual (L,): landing (x [m], theta [rad]) less target; multipliers of the NLP's
-    rows (m,) and bounds (n,); full: whether no bound of the step is active.
+    du (size,); residual (2,): landing (x [m], theta [rad]) less target, 0 for a free theta; full:
+    whether no bound of the step is active.
     """
 
     du: Array
     residual: Array
-    multipliers: tuple[Array, Array]
     full: bool
     _qp: CondensedQp
     _active: Flags
@@ -201,8 +202,7 @@ class CondensedQp:
     landing (L, size): derivative of the landing (x, theta); target_offset (L,): from the landing to
     the target. rows (m, size), each of length one: limits; lower, upper (m,): distances to them.
     step_bounds (size,): longest step. hessian (size, size): of the Lagrangian; without multipliers
-    the squared length in step_bounds. active (m,): limits that bind at the point. row_indices: of
-    the limits among the NLP's rows and then its bounds; number of its rows.
+    the squared length in step_bounds. active (m,): limits that bind at the point.
     """
 
     point: Array
@@ -215,7 +215,6 @@ class CondensedQp:
     step_bounds: Array
     hessian: Array
     active: Flags
-    row_indices: tuple[Indices, int]
 
     @classmethod
     def about(
@@ -245,7 +244,6 @@ class CondensedQp:
         length = np.linalg.norm(rows, axis=1)
         some = length > QP.zero
         length = length[some]
-        places = np.append(np.flatnonzero(limits), g.size + np.flatnonzero(free))
         return cls(
             x,
             dx_du,
@@ -257,7 +255,6 @@ class CondensedQp:
             step_bounds,
             hessian,
             (np.minimum(-lower, upper) < multipliers)[some],
-            (places[some], g.size),
         )
 
     @property
@@ -310,7 +307,7 @@ class CondensedQp:
         # Variables: du, undershoot and overshoot of the landing, violation of limits broken now.
         hessian = np.diag(np.append(np.zeros(size), np.full(slacks, QP.min_curvature)))
         hessian[:size, :size] = self.hessian
-        prices = MISS_PRICE * np.array([1.0, lever])[:misses]
+        prices = QP.miss_price * np.array([1.0, lever])[:misses]
         gradient = np.concatenate([-self.hessian @ centre, prices, prices, [QP.violation_price]])
         target = np.hstack([self.landing, np.eye(misses), -np.eye(misses), np.zeros((misses, 1))])
         broken_now = np.where(self.lower > QP.zero, 1.0, np.where(self.upper < -QP.zero, -1.0, 0.0))
@@ -335,12 +332,10 @@ class CondensedQp:
             included |= broken
         active = np.zeros(len(self.rows), bool)
         active[some] = np.abs(multipliers[: some.size]) > QP.zero
-        places, count = self.row_indices
-        of_nlp = np.zeros(count + len(self.point))
-        of_nlp[places[some]] = multipliers[: some.size]
         du, full = z[:size], bool((np.abs(z[:size]) < longest - QP.zero).all())
-        residual = z[size + misses : -1] - z[size : size + misses]
-        return Step(du, residual, (of_nlp[:count], of_nlp[count:]), full, self, active)
+        residual = np.zeros(2)
+        residual[:misses] = z[size + misses : -1] - z[size : size + misses]
+        return Step(du, residual, full, self, active)
 
 
 def _pad_selection(included: Flags, distance: Array) -> Indices:

@@ -280,8 +280,9 @@ def peak_load(throw: Throw) -> float:
 class Request:
     """A throw of a scene to a target, for an NLP (target None: unknown, for a verdict).
 
-    robust: the method of a robust plan, empty for none. elastic: the landing may miss the target,
-    at a price. reference: the throw at the start of a solve; obstacles are linearised about it.
+    robust: the method of a robust plan, empty for none. elastic: price [1/m] of the pose error with
+    which the landing may miss the target; 0: it may not. reference: the throw at the start of a
+    solve; obstacles are linearised about it.
     """
 
     scene: Scene
@@ -289,7 +290,7 @@ class Request:
     target: Pose | None = None
     refinement: Refinement = BASE
     robust: str = ""
-    elastic: bool = False
+    elastic: float = 0.0
     reference: Throw | None = None
 
     @property

@@ -22,14 +22,18 @@ from ..ocp import (
 )
 from ..samples import Releases, starts
 from ..search import (
+    Approach,
+    Attempt,
     Clock,
     Corrector,
     NlpCache,
     SqpContinuation,
     Start,
     Task,
+    approach_goal,
     attempts,
     condensed_at,
+    fixed_optimum,
     initial_guess_from,
     moved_start,
     optimum_of,
@@ -80,13 +84,15 @@ class KnownThrow:
 class CellTask:
     """A cell, the landing in its middle, and a throw that lands beside it or sampled releases.
 
-    has_throw: whether the cell has a throw, which a cheaper one is to replace.
+    has_throw: whether the cell has a throw, which a cheaper one is to replace. is_edge: whether
+    throws that land beside it were tried in vain, so that it may be beyond the boundary.
     """
 
     cell: Cell
     goal: Pose
     source: KnownThrow | Releases
     has_throw: bool = False
+    is_edge: bool = False
 
 
 @dataclass(frozen=True)
@@ -116,7 +122,7 @@ class CellSolver:
 
         A throw near it is moved along its slope, or by a Newton step where it was moved so before;
         from a farther one the NLP is solved. Where that fails, steps that know all limits lead to
-        the cell, or to the boundary of the reach.
+        the cell. At the edge the throw is brought as near to the cell as limits let it.
         """
         cell, goal, source = cell_task.cell, cell_task.goal, cell_task.source
         clock = Clock.lasting(SETTINGS.patience)
@@ -124,24 +130,33 @@ class CellSolver:
         if isinstance(source, Releases):
             return CellResult(cell, self._from_releases(source, task))
         near = Neighbour.of(source.optimum, goal, self.problems.scene)
-        is_near = near.distance < SETTINGS.max_distance
-        found = None
+        if cell_task.is_edge:
+            return self._approached(cell, near, task)
+        is_near, found = near.distance < SETTINGS.max_distance, None
         if is_near and source.moves < SETTINGS.max_moves:
             found = self._moved(near, source, task)
         else:
             if is_near and source.newton_steps < SETTINGS.max_newton_steps:
                 found = self._by_newton_step(near, source, task)
             found = found or self._solved_anew(near, task)
-        if found is not None or cell_task.has_throw:
-            return CellResult(cell, found)
+        if found is None and not cell_task.has_throw:
+            found = self._continued(near, task)
+        return CellResult(cell, found)
+
+    def _continued(self, near: Neighbour, task: Task) -> KnownThrow | None:
+        """The throw after steps within all limits; None where they do not lead to the cell."""
         *_, last = None, *SqpContinuation(self.corrector, near, task).attempts()
-        if last is None or last.throw is None or last.throw.optimum is None:
-            return CellResult(cell, None)
-        if last.solved:
-            return CellResult(cell, KnownThrow(last.throw.optimum))
-        if last.edge is None:
-            return CellResult(cell, None)
-        return CellResult(cell, None, replace(last.throw.optimum, binding=last.edge.names))
+        if last is None or not last.solved or last.throw is None or last.throw.optimum is None:
+            return None
+        return KnownThrow(last.throw.optimum)
+
+    def _approached(self, cell: Cell, near: Neighbour, task: Task) -> CellResult:
+        """The throw brought to the cell, or as near to it as limits let it."""
+        *_, last = approach_goal(self.corrector, Approach(near.goal, near, light=True), task)
+        if not last.is_edge or last.throw is None or last.edge is None:
+            return CellResult(cell, self._known(last, task))
+        names = last.edge.names
+        return CellResult(cell, None, fixed_optimum(self.corrector.controls, last.throw, names))
 
     def _moved(self, near: Neighbour, source: KnownThrow, task: Task) -> KnownThrow | None:
         """The throw moved along its slope; None where it breaks something there."""
@@ -228,7 +243,10 @@ class CellSolver:
 
     def _solution(self, start: Start, task: Task) -> KnownThrow | None:
         """The solution of an NLP from a start, without the costly constraints."""
-        *_, last = attempts(self.problems, replace(start, light=True), task)
+        return self._known(attempts(self.problems, replace(start, light=True), task)[-1], task)
+
+    def _known(self, last: Attempt, task: Task) -> KnownThrow | None:
+        """A solver's throw with its sensitivity; None where it is not solved."""
         if not last.solved or last.throw is None or last.throw.solution is None:
             return None
         program = self.problems.problem(task.target, last.refinement, last.solver, task.clock)

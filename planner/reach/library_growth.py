@@ -4,7 +4,8 @@ Landings of random throws, sorted into cells, say about how large the reach is. 
 and a few of them are solved from sampled releases. A throw into each other cell is made from a
 throw into a cell beside it, nearest to the target first, so that the library finds its way into
 every corner that can be thrown to, whether a random throw landed there or not. A cell that none
-leads to is beyond the boundary, and keeps the throw that limits let come nearest to it.
+leads to is beyond the boundary. Where throws from two neighbours end at equal distances from it,
+it keeps the throw that limits let come nearest to it.
 """
 
 from __future__ import annotations
@@ -16,15 +17,16 @@ import pickle
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from operator import itemgetter
 
 import numpy as np
 
-from ..library import Library, Records
+from ..library import Library, Neighbour, Records
 from ..ocp import Optimum
 from ..samples import Releases, sparse_parents, starts
-from ..search import Clock, NlpCache
+from ..search import Clock, NlpCache, are_equal
 from ..workers import Progress, run_jobs
 from .cell_solver import (
     CellResult,
@@ -44,9 +46,8 @@ class GrowthSettings:
 
     seeds: cells solved from sampled releases; late_seeds: at the end, of cells that random throws
     hit and that no neighbour led to. max_failures: neighbours from which a cell is tried before it
-    counts as beyond the boundary; one from which limits end the way there counts as
-    `boundary_failures`. batch: cells in one job of an
-    executor. save_every [s]: longest time of work that is lost when the process is killed.
+    counts as beyond the boundary; edge_tries: from which it is then approached. batch: cells in one
+    job of an executor. save_every [s]: longest time of work that a killed process loses.
     few: fewer throws than this are solved by this process alone, since others take seconds to
     start; processes: by default for more. overshoot: where the reach is larger than random throws
     let it seem, at most this share of the throws asked for is solved; enough: where it is smaller,
@@ -58,8 +59,8 @@ class GrowthSettings:
 
     seeds: int = 24
     late_seeds: int = 24
-    max_failures: int = 4
-    boundary_failures: int = 2
+    max_failures: int = 2
+    edge_tries: int = 2
     batch: int = 8
     save_every: float = 5.0
     few: int = 400
@@ -99,7 +100,9 @@ def grow(
         # Workers on this machine then find the machine code in the cache.
         target, refinement = problems.scene.target, first_refinement(problems.scene)
         assert target is not None
-        problems.problem(target.middle, refinement, "fatrop", Clock()).solver.compile()
+        for elastic in (False, True):
+            nlp = problems.problem(target.middle, refinement, "fatrop", Clock(), elastic=elastic)
+            nlp.solver.compile()
     for turn in range(SETTINGS.max_rounds):
         if cells is None:
             return
@@ -125,6 +128,12 @@ class LibraryBuilder:
         self._target, self._cells, self._most = target, cells, most
         self._solved: dict[Cell, KnownThrow] = {}
         self._failures: dict[Cell, int] = {}
+        #: Cells that may be beyond the boundary, to be approached; how often a cell was; the throws
+        #: that limits then ended short of it, with their pose errors [m]; cells proven beyond.
+        self._edge: list[Cell] = []
+        self._tries: dict[Cell, int] = {}
+        self._short: dict[Cell, list[tuple[float, Optimum]]] = {}
+        self._beyond: set[Cell] = set()
         self._running: dict[Cell, CellTask] = {}
         #: Tasks that come before all others.
         self._first: list[CellTask] = []
@@ -216,9 +225,11 @@ class LibraryBuilder:
             *_, cell, source = heapq.heappop(self._waiting)
             if self._is_open(cell):
                 return self._task(cell, source)
-        if self._running:
-            return None
+        if (task := self._next_at_edge()) is not None:
+            return task
         if self._late_seeds is None:
+            if self._running:
+                return None
             self._late_seeds = self._unsolved_hits()
         while self._late_seeds:
             cell = self._late_seeds.pop()
@@ -231,6 +242,30 @@ class LibraryBuilder:
         known = self._releases_near(cell) if source == cell else self._solved[source]
         goal = self._cells.middle(cell, self._target)
         return CellTask(cell, goal, known, has_throw=cell in self._solved)
+
+    def _next_at_edge(self) -> CellTask | None:
+        """A cell that no throw beside it led to, to be approached; None where there is none now."""
+        if not self._edge and not self._running:
+            beside = {beside for cell in self._solved for beside in self._cells.around(cell)}
+            self._edge = sorted(beside - self._solved.keys())
+        while self._edge:
+            cell = self._edge.pop()
+            if self._is_at_edge(cell):
+                number, known = self._tries.get(cell, 0), list(self._solved)
+                self._tries[cell] = number + 1
+                nearest = np.argsort(np.abs(np.array(known) - cell).sum(axis=1), kind="stable")
+                source = known[int(nearest[min(number, len(known) - 1)])]
+                return replace(self._task(cell, source), is_edge=True)
+        return None
+
+    def _is_at_edge(self, cell: Cell) -> bool:
+        """Whether a cell is to be approached; not where one beside it is, or is proven beyond."""
+        if cell in self._solved or self._tries.get(cell, 0) == SETTINGS.edge_tries:
+            return False
+        i, j = cell
+        around = set(itertools.product((i - 1, i, i + 1), (j - 1, j, j + 1)))
+        is_tried = (0 < self._tries.get(one, 0) < SETTINGS.edge_tries for one in around - {cell})
+        return self._beyond.isdisjoint(around) and not any(is_tried)
 
     def _releases_near(self, cell: Cell) -> Releases:
         """The sampled releases that land nearest to a cell's middle."""
@@ -266,12 +301,22 @@ class LibraryBuilder:
             self._spread(cell)
             self._record(cell, result.throw.optimum, solved=True)
             return
-        boundary, failures = result.boundary, self._failures.get(cell, 0)
-        self._failures[cell] = failures + (SETTINGS.boundary_failures if boundary else 1)
-        if boundary is not None:
-            self._record(cell, boundary, boundary=True)
-        elif isinstance(source, KnownThrow) and not failures:
+        failures = self._failures.get(cell, 0)
+        self._failures[cell] = failures + 1
+        if isinstance(source, KnownThrow) and not failures:
             self._record(cell, source.optimum)
+        if result.boundary is not None:
+            self._keep_boundary(cell, result.boundary)
+
+    def _keep_boundary(self, cell: Cell, boundary: Optimum) -> None:
+        """Takes up a throw short of a cell; the nearer is recorded if two are equally near."""
+        goal, short = self._cells.middle(cell, self._target), self._short.setdefault(cell, [])
+        near = Neighbour.of(boundary, goal, self._solver.problems.scene)
+        short.append((near.distance, boundary))
+        short.sort(key=itemgetter(0))
+        if are_equal([away for away, _ in short]):
+            self._beyond.add(cell)
+            self._record(cell, short[0][1], boundary=True)
 
     def _wait_for(self, cell: Cell, source: Cell, effort: float) -> None:
         """Puts a cell that has no throw into the queue."""
@@ -319,15 +364,17 @@ class LibraryBuilder:
     def _read_library(self) -> None:
         """The library's throws, and cells beyond the boundary, of these cells."""
         throws = itertools.count()
-        for x, theta, solved in zip(
-            *self._library.records["landing"].astype(float).T.tolist(),
-            self._library.records["solved"].tolist(),
-            strict=True,
-        ):
+        records = self._library.records
+        kinds = records["solved"].tolist(), records["boundary"].tolist()
+        landings = records["landing"].astype(float).T.tolist()
+        for x, theta, solved, boundary in zip(*landings, *kinds, strict=True):
             cell = self._cells(x, theta)
             if solved:
                 self._solved[cell] = KnownThrow(self._library.optimum(next(throws)))
             else:
                 self._failures[cell] = SETTINGS.max_failures
+                self._tries[cell] = SETTINGS.edge_tries
+            if boundary:
+                self._beyond.add(cell)
         for cell in self._solved:
             self._spread(cell)

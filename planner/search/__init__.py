@@ -1,12 +1,21 @@
 """The search for throws: strategies give the next try from the history of tries."""
 
+from .approach import approach_goal
 from .attempt import Attempt, Start, attempts, error_over
 from .candidates import release_start
 from .continuation import SqpContinuation
 from .failure import check_contradictions, contradiction, nothing_found
 from .guess import guess_from, initial_guess_from, remaining_throw, remaining_trajectory
-from .history import Entry, History, Solve
+from .history import Approach, Entry, History, Solve
 from .loop import find_throws
-from .move import CORRECTOR, Corrector, condensed_at, moved_start, optimum_of, throw_of
+from .move import (
+    CORRECTOR,
+    Corrector,
+    condensed_at,
+    fixed_optimum,
+    moved_start,
+    optimum_of,
+    throw_of,
+)
 from .nlp_cache import Clock, NlpCache, Task, check_start
-from .strategies import FROM_NOTHING, FROM_THROWS, Search, SearchContext, from_warm_plan
+from .strategies import FROM_NOTHING, FROM_THROWS, Search, SearchContext, are_equal, from_warm_plan

@@ -19,6 +19,7 @@ from ..result import PlannedThrow
 from ..verdict import verdict
 from .attempt import Attempt, NearestFeasible, Start, attempts
 from .guess import initial_guess_from
+from .history import Approach
 from .move import Corrector, throw_of
 from .nlp_cache import Task
 
@@ -26,24 +27,28 @@ from .nlp_cache import Task
 ROUNDS = 4
 #: Most NLPs for the goal itself, once an elastic landing reaches it.
 TRIES = 4
+#: Price [1/m] of an elastic landing's pose error. The effort rises steeply at the edge of the
+#: reach: with a tenth of this price landings end up to 11 mm short of it.
+PRICE = 1000.0
+#: Price [1/m] where the throw lands `FAR` [m] off the goal or farther: it is found sooner.
+FAR_PRICE, FAR = 100.0, 0.2
 #: Margin [m] to rim and wall of a cup, beyond its clearance.
 ELASTIC_CUP_MARGIN = 2e-4
 
 
-def approach(
-    corrector: Corrector, goal: Pose, source: Start | Neighbour, task: Task
-) -> Iterator[Attempt]:
-    """Attempts to throw to the goal; those that land short of it have an `edge`.
+def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[Attempt]:
+    """Attempts to throw to the goal of a step; those that land short of it have an `edge`.
 
-    source: a solved throw that lands beside the goal, or a start. Where the start's own goal is
-    beside it, that is solved for first.
+    Where a start's own goal is beside that of the step, that is solved for first.
     """
-    problems, sound = corrector.problems, True
+    problems, sound, goal, source = corrector.problems, True, step.goal, step.source
     if isinstance(source, Neighbour):
+        away = source.distance
         throw = throw_of(corrector.controls, problems.manipulator, source.optimum, task)
         guess, refinement = _guess(throw, task), throw.refinement
     else:
         guess, refinement = source.guess, source.refinement
+        away = goal.distance(source.goal, task.scene.object.half_length)
         if source.goal != goal:
             made = attempts(problems, source, task.aimed_at(source.goal))
             if task.contains(source.goal) and made[-1].solved:
@@ -57,23 +62,29 @@ def approach(
     if task.scene.cup is not None:
         margins = refinement.margins.replace(cup=ELASTIC_CUP_MARGIN - CUP_MARGIN)
         refinement = Refinement(refinement.lazy | {"flight"}, margins, refinement.bodies)
+    price = PRICE if away < FAR else FAR_PRICE
     for _ in range(ROUNDS):
-        start = Start(goal, guess, "fatrop", refinement, elastic=True)
+        start = Start(goal, guess, "fatrop", refinement, elastic=price)
         *_, near = attempts(problems, start, task)
         if near.throw is None and sound and "ipopt" in task.solvers:
             # From a sound throw IPOPT's restoration solves some that FATROP's does not.
             *_, near = attempts(problems, replace(start, solver="ipopt"), task)
         if near.throw is not None and _reaches(near.throw, goal):
-            start = Start(goal, _guess(near.throw, task), task.solvers[0], refinement, TRIES)
+            tries = 1 if step.light else TRIES
+            start = Start(goal, _guess(near.throw, task), task.solvers[0], refinement, tries)
             made = attempts(problems, start, task)
             yield from made
             if made[-1].solved:
                 return
         yield near
-        if near.throw is None or near.after == refinement:
+        after, is_costly = near.after, near.after.costly or near.after.bodies
+        if near.throw is None or after == refinement or task.clock.late:
+            return
+        is_far = near.edge is not None and near.edge.missed > step.most
+        if is_far or (step.light and is_costly):
             return
         # Again from the throw that this round began with.
-        refinement = near.after
+        refinement = after
 
 
 def _guess(throw: PlannedThrow, task: Task) -> Callable[[ThrowNlp], Array]:

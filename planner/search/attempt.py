@@ -43,8 +43,8 @@ class Start:
     NLP with costly constraints. again: start all NLPs from `guess`, not from the broken throw.
     warm: solution with multipliers to start from; near: it is for almost this target. aim: (dx [m],
     dtheta [rad]) from the goal to the first NLP's landing. rough: corrections end at half the
-    scene's tolerance. robust: method of a robust NLP. elastic: the landing may miss the goal at a
-    price, and is checked at its own place. below: a solution of a higher cost is given up.
+    scene's tolerance. robust: method of a robust NLP. elastic: price [1/m] at which the landing may
+    miss the goal; it is checked at its own place. below: a solution of a higher cost is given up.
     """
 
     goal: Pose
@@ -59,7 +59,7 @@ class Start:
     aim: tuple[float, float] = (0.0, 0.0)
     rough: bool = False
     robust: str = ""
-    elastic: bool = False
+    elastic: float = 0.0
     below: float = math.inf
 
 
@@ -205,7 +205,7 @@ def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
     manipulator = problems.manipulator
     request = Request(task.scene, manipulator, robust=start.robust, elastic=start.elastic)
     program = problems.problem(
-        start.goal, start.refinement, start.solver, task.clock, start.robust, start.elastic
+        start.goal, start.refinement, start.solver, task.clock, start.robust, start.elastic > 0.0
     )
     with task.clock("guess"):
         guess = start.guess(program.nlp)

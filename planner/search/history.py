@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -44,12 +45,15 @@ class Approach:
     """Bring a throw that lands beside the goal as near to it as limits let it.
 
     source: a solved throw, or a start that has its own landing for a goal. found: the throw is of
-    an earlier plan.
+    an earlier plan. light: end before an NLP with costly constraints, or with clearances of further
+    bodies. most [m]: end where limits let it come no nearer than this pose error.
     """
 
     goal: Pose
     source: Start | Neighbour
     found: bool = False
+    light: bool = False
+    most: float = math.inf
 
 
 Try = Move | Solve | Approach

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from .approach import approach
+from .approach import approach_goal
 from .attempt import Attempt, attempts
 from .history import Approach, Entry, History, Move, Solve, Try
 from .strategies import Search, Strategy
@@ -21,7 +21,7 @@ def find_throws(search: Search, strategies: Sequence[Strategy], history: History
         step = next((step for step in tries if step is not None), None)
         if step is None:
             break
-        step = search.comparable(step, history)
+        step = search.limited(step, history)
         history = history.with_entry(Entry(step, tuple(_outcome(search, step))))
     return history
 
@@ -34,5 +34,5 @@ def _outcome(search: Search, step: Try) -> Iterable[Attempt]:
             return [context.corrector.attempt(near, task)]
         case Solve(start):
             return attempts(context.problems, start, task)
-        case Approach(goal, source):
-            return approach(context.corrector, goal, source, task)
+        case Approach():
+            return approach_goal(context.corrector, step, task)

@@ -144,7 +144,7 @@ class NlpCache:
         elastic: bool = False,
     ) -> CompiledNlp:
         """The NLP for a target with a solver: 'fatrop' or 'ipopt'."""
-        request = Request(self.scene, self.manipulator, target, refinement, robust, elastic)
+        request = Request(self.scene, self.manipulator, target, refinement, robust, float(elastic))
         kind = _kind(request), solver
         if kind not in self._compiled:
             nlp = self.nlp(request, clock)
@@ -157,7 +157,7 @@ def _kind(request: Request) -> _Kind:
     refinement, target = request.refinement, request.target
     assert target is not None
     lazy, bodies = refinement.lazy, refinement.bodies
-    return target.kind, lazy, bodies, request.robust, request.elastic
+    return target.kind, lazy, bodies, request.robust, request.elastic > 0.0
 
 
 def check_start(scene: Scene, manipulator: Manipulator) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from heapq import merge
 from itertools import islice
+from operator import attrgetter
 
 from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement, Request
@@ -39,7 +40,8 @@ class SearchSettings:
     throws brought as near to the target as limits allow. same_distance: a throw within it of one
     that is kept is not kept. close_distance: a target within it of the nearest landing may be in
     reach of another motion. A target is out of reach if its `equal_landings` nearest landings have
-    distances within a factor of `equal_ratio`.
+    distances within a factor of `equal_ratio`. An approach that limits hold farther off than
+    `hopeless` times the nearest landing ends.
     """
 
     moves: int = 4
@@ -54,9 +56,17 @@ class SearchSettings:
     close_distance: float = 0.1
     equal_landings: int = 2
     equal_ratio: float = 1.1
+    hopeless: float = 3.0
 
 
 SETTINGS = SearchSettings()
+
+
+def are_equal(missed: Sequence[float]) -> bool:
+    """Whether the least of rising distances [m] to a target agree, as evidence that it is out of
+    reach."""
+    number = SETTINGS.equal_landings
+    return len(missed) >= number and missed[number - 1] <= SETTINGS.equal_ratio * missed[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,8 +189,11 @@ class Search:
         tries = len(history.tries)
         return warm > 0 or known >= SETTINGS.moves or tries >= REGION_STARTS
 
-    def comparable(self, step: Try, history: History) -> Try:
-        """A try that ends early where it leads to no cheaper throw into a region."""
+    def limited(self, step: Try, history: History) -> Try:
+        """A try that ends early where it leads to no cheaper throw into a region, or no nearer."""
+        if isinstance(step, Approach) and history.edges:
+            most = SETTINGS.hopeless * history.edges[0].missed
+            return replace(step, most=min(step.most, most))
         is_compared = self.task.target.is_region and self.task.wanted == 1 and history.found
         if not isinstance(step, Solve) or not is_compared:
             return step
@@ -210,17 +223,38 @@ class Search:
         """Refinement of the next NLP from another motion."""
         return history.refinement(Refinement(frozenset({"passing"})) if self.blocked else BASE)
 
-    def approaches(self) -> Iterator[Approach]:
-        """Approaches from throws of earlier plans, then of the library, then from samples."""
+    @cached_property
+    def approaches(self) -> list[Approach]:
+        """Approaches from the library, then from what lands nearest: throws of earlier plans and
+        samples."""
         task, context = self.task, self.context
+        others = list[Approach]()
         if len(task.solvers) > 1:
-            for throws in (context.found, context.library):
-                for near in self._nearest(throws, SETTINGS.approaches, math.inf):
-                    yield Approach(near.goal, near, throws is context.found)
+            for near in self._nearest(context.found, SETTINGS.approaches, math.inf):
+                others.append(Approach(near.goal, near, found=True, most=near.distance))
         candidates = self.arriving
         for index, goal, pose in candidates.judged:
             start = release_start(context.problems, task, candidates.releases, index, goal)
-            yield Approach(goal, replace(start, goal=pose, again=True))
+            far = goal.distance(pose, task.scene.object.half_length) or math.inf
+            others.append(Approach(goal, replace(start, goal=pose, again=True), most=far))
+        others.sort(key=attrgetter("most"))
+        return [*others, *self.stored] if self.blocked else [*self.stored, *others]
+
+    @cached_property
+    def stored(self) -> list[Approach]:
+        """Approaches from the library: from the boundary of the reach, then from other throws.
+
+        They end before costly constraints: other starts may need none.
+        """
+        task, library = self.task, self.context.library
+        if len(task.solvers) == 1:
+            return []
+        boundary = library.nearest_of_boundary(task.target, task.turns, 1)
+        others = self._nearest(library, SETTINGS.approaches, math.inf)
+        return [
+            Approach(near.goal, near, light=True, most=near.distance)
+            for near in (*boundary, *others)
+        ]
 
     @cached_property
     def arriving(self) -> Candidates:
@@ -232,23 +266,24 @@ class Search:
 
         The nearest landings are equal and, without a library, not close (`SearchSettings`).
         Landings from throws of earlier plans do not count, since these may be alike; but one new
-        start that leads no nearer is enough beyond a target for which all starts ended there. No
-        throw of the library, nor a sampled one that clears column and hand, lands nearer to the
-        target.
+        start that leads no nearer is enough beyond a target for which all starts ended there, and
+        where the library's nearest throw lands as near. No throw of the library, nor a sampled one
+        that clears column and hand, lands nearer to the target.
         """
-        new, library = history.new_edges, self.context.library
-        number, ratio = SETTINGS.equal_landings, SETTINGS.equal_ratio
+        task, new, library = self.task, history.new_edges, self.context.library
         if not new:
             return False
+        known = [one.distance for one in self._nearest(library, 1, math.inf)]
+        known += [one.distance for one in library.nearest_of_boundary(task.target, task.turns, 1)]
         least = history.edges[0].missed
         if not self._is_known(history.edges[0].edge):
             is_close = least < SETTINGS.close_distance and not len(library)
-            if is_close or len(new) < number or new[number - 1].missed > ratio * least:
+            if is_close or not are_equal(sorted([one.missed for one in new] + known)):
                 return False
         clear = self.candidates.releases.clear
-        others = [away for index, _, away in self.candidates.nearest if clear[index]]
-        others += [one.distance for one in self._nearest(library, 1, math.inf)]
-        return least <= ratio * min(others, default=math.inf) + self.task.scene.tolerance.position
+        known += [away for index, _, away in self.candidates.nearest if clear[index]]
+        ratio, most = SETTINGS.equal_ratio, task.scene.tolerance.position
+        return least <= ratio * min(known, default=math.inf) + most
 
     def remember(self, history: History) -> None:
         """Keeps throws for later plans, and the nearest landing if all starts were tried in vain.
@@ -314,11 +349,22 @@ def from_warm_plan(search: Search, history: History) -> Try | None:
 
 def from_nearest_samples(search: Search, history: History) -> Try | None:
     """A solver's start from one of few sampled releases that land near the target."""
-    if search.blocked:
+    if search.blocked or search.is_settled(history):
         return None
     compares = search.task.target.is_region and history.found
     count = REGION_STARTS if compares else SETTINGS.first_starts
     return _from_samples(search, history, [(search.task.solvers[0], count)])
+
+
+def from_library(search: Search, history: History) -> Try | None:
+    """A throw of the library that lands beside the target, brought as near to it as limits let it.
+
+    Most targets that no throw of it was moved to are out of reach; this says so soonest.
+    """
+    number = sum(isinstance(one, Approach) for one in history.tries)
+    if search.blocked or history.found or search.is_settled(history):
+        return None
+    return next(islice(search.stored, number, None), None)
 
 
 def from_beside(search: Search, history: History) -> Try | None:
@@ -328,7 +374,7 @@ def from_beside(search: Search, history: History) -> Try | None:
     is_given_up = search.blocked and number == SETTINGS.equal_landings
     if enough or is_given_up or not search.candidates.nearest:
         return None
-    return next(islice(search.approaches(), number, None), None)
+    return next(islice(search.approaches, number, None), None)
 
 
 def from_samples(search: Search, history: History) -> Try | None:
@@ -364,4 +410,9 @@ def _from_samples(
 #: Strategies that start from solved throws, in the order of tries.
 FROM_THROWS: tuple[Strategy, ...] = (from_neighbours, from_warm_plan)
 #: Strategies that need no solved throw, in the order of tries.
-FROM_NOTHING: tuple[Strategy, ...] = (from_nearest_samples, from_beside, from_samples)
+FROM_NOTHING: tuple[Strategy, ...] = (
+    from_library,
+    from_nearest_samples,
+    from_beside,
+    from_samples,
+)

@@ -131,7 +131,7 @@ class CupClearance(SceneConstraint):
         }
         if target.velocity is not None:
             values["cup_speed"] = target.speed
-        return cls(values, DEPTHS["flight" in request.refinement.lazy], request.elastic)
+        return cls(values, DEPTHS["flight" in request.refinement.lazy], request.elastic > 0.0)
 
     def in_flight(self, flight: Flight) -> None:
         """The rim, then each depth."""
