@@ -53,7 +53,7 @@ class SearchSettings:
     first_starts: int = 2
     approaches: int = 2
     same_distance: float = 0.005
-    close_distance: float = 0.1
+    close_distance: float = 0.03
     equal_landings: int = 2
     equal_ratio: float = 1.1
     hopeless: float = 3.0
