@@ -1,0 +1,1 @@
+"""Section `calibration`: to be filled."""
