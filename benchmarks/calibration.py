@@ -257,8 +257,8 @@ def _figures(table: Table) -> list[str]:
     )
     with_bias, without = (_column(table, f"error {name} [mm]") for name in ("with bias", "without"))
     sentences = [
-        f"{len(large)} data sets, each of another hidden truth: of {NEW} new throws of each, regions "
-        f"of 90 % hold {inside} throws.",
+        f"{len(large)} data sets, each of another hidden truth: regions of 90 % hold, of {NEW} new "
+        f"throws of each, {inside} throws.",
         f"New plans at other places, aimed with the bias of {PLANNED} throws: "
         f"{100 * like / plans:.1f} % of {plans:.0f} are like the measured throws, and "
         f"{100 * within / like:.1f} % of these land inside.",

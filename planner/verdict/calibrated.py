@@ -21,18 +21,25 @@ BEYOND = 0.05
 class CalibratedLanding:
     """What a scene's [calibration] says of a throw.
 
-    aim: the pose that the release model's landing, without the bias, is aimed at. unlike: what
-    differs from the measured throws, each a text; with any of these the region does not hold.
+    aim: the pose that the release model's landing, without the bias, is aimed at. setup, speeds:
+    what differs from the measured throws, each a text: object, grip and prediction; speeds at
+    detach. With any of these the region does not hold.
     """
 
     calibration: Calibration
     aim: Pose
-    unlike: tuple[str, ...]
+    setup: tuple[str, ...]
+    speeds: tuple[str, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the throw is like the measured ones."""
+        return not self.setup and not self.speeds
 
     @property
     def words(self) -> str:
         """The region as a sentence; empty where it does not hold."""
-        return "" if self.unlike else region_words(self.calibration, self.aim.theta is not None)
+        return region_words(self.calibration, self.aim.theta is not None) if self.holds else ""
 
     @property
     def aim_words(self) -> str:
@@ -44,9 +51,9 @@ class CalibratedLanding:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """A warning about a throw unlike the measured ones."""
-        if not self.unlike:
+        if self.holds:
             return ()
-        here = "; ".join(self.unlike)
+        here = "; ".join((*self.setup, *self.speeds))
         note = f"[calibration] does not hold here: {here}: {Code.CALIBRATION.cure}"
         return (Finding(Code.CALIBRATION, math.nan, math.nan, broken=False, note=note),)
 
@@ -59,7 +66,7 @@ class CalibratedLanding:
             "bias": dict(zip(("x", "theta"), known.bias, strict=True)),
             "region": {"position": known.position, "angle": known.angle},
             "aim": self.aim.table,
-            "holds": not self.unlike,
+            "holds": self.holds,
         }
 
 
@@ -71,8 +78,9 @@ def calibrated_landing(throw: Throw, target: Pose) -> CalibratedLanding | None:
     dx, dtheta = known.bias
     start = throw.deciding.release.detach
     speed = math.hypot(start.v_x, start.v_z)
-    unlike = (*unlike_setup(known, throw.scene), *unlike_speeds(known, speed, start.omega))
-    return CalibratedLanding(known, target.shifted(-dx, -dtheta), unlike)
+    setup = tuple(unlike_setup(known, throw.scene))
+    speeds = tuple(unlike_speeds(known, speed, start.omega))
+    return CalibratedLanding(known, target.shifted(-dx, -dtheta), setup, speeds)
 
 
 def region_words(known: Calibration, angle: bool = True) -> str:
