@@ -14,7 +14,7 @@ from .clearance import check_obstacles
 from .follow import Response, Session
 from .interception import intercept
 from .library import Library, Turns
-from .planning import plan_from_warm, plan_like_measured, plan_throw
+from .planning import plan_from_warm, plan_throw
 from .reach import default_workers, grow
 from .resting import check_rest, most_resting
 from .result import Plan
@@ -132,9 +132,7 @@ class Planner:
         plan = intercept(self.scene, target, self.releases, plan_at)
         if plan.solved and method:
             plan = self._hardened(plan, method, task)
-        elif plan.solved and target.at_rest and wanted == 1:
-            plan = plan_like_measured(context, task, plan)
-        if plan.solved and not method and self.scene.rest is not None:
+        elif plan.solved and self.scene.rest is not None:
             plan = most_resting(context, task, plan, REST_PATIENCE if patience is None else None)
         total, spent = time.perf_counter() - started + built, dict(clock.seconds)
         spent["build"] += built

@@ -44,17 +44,19 @@ def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = N
             return unsolved_plan(search, history, words, out_of_reach=False, binding=(name,))
     history = find_throws(search, FROM_NOTHING, history)
     search.remember(history)
-    return solved_plan(search, history) if history.found else _failed_plan(search, history)
+    if not history.found:
+        return _failed_plan(search, history)
+    return _plan_like_measured(context, task, solved_plan(search, history))
 
 
-def plan_like_measured(context: SearchContext, task: Task, plan: Plan) -> Plan:
+def _plan_like_measured(context: SearchContext, task: Task, plan: Plan) -> Plan:
     """Of several throws to the target, one at speeds that [calibration] knows.
 
-    The plan itself if it is one, if object, grip or prediction have changed, and if none is found
-    in the task's time.
+    The plan itself if it is one, if object, grip or prediction have changed, if none is found in
+    the task's time, and if the task wants several throws anyway.
     """
     claim = plan.calibrated
-    if claim is None or claim.setup or not claim.speeds:
+    if claim is None or claim.setup or not claim.speeds or task.wanted > 1:
         return plan
     several = plan_throw(context, replace(task, wanted=OTHERS))
     for other in (several, *several.alternatives):
