@@ -11,7 +11,7 @@ A scene is made of the sections of its file, each a class of that name: `tp.Obje
 from importlib.metadata import PackageNotFoundError, version
 
 from .planner.follow import Response, Session, Update
-from .planner.identify import Identified, identify, throw_data, thrown
+from .planner.identify import Calibrated, Identified, calibrate, identify, throw_data, thrown
 from .planner.planner import Planner, plan
 from .planner.reach import ReachMap, reach_map
 from .planner.result import Plan, PlanPath, SavedThrow, draw_flight, read_plan
@@ -22,6 +22,7 @@ from .planner.sweep import Sweep, sweep
 from .planner.throw import State
 from .planner.throw import Throw as SentThrow
 from .problems import (
+    Calibration,
     Choice,
     Cup,
     Distribution,
@@ -59,6 +60,8 @@ except PackageNotFoundError:  # run from a checkout that is not installed
     __version__ = "0"
 
 __all__ = [
+    "Calibrated",
+    "Calibration",
     "Choice",
     "Contact",
     "Cup",
@@ -98,6 +101,7 @@ __all__ = [
     "Uncertainty",
     "Update",
     "Workspace",
+    "calibrate",
     "draw_bars",
     "draw_cup",
     "draw_flight",

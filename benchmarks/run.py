@@ -13,6 +13,7 @@ from pathlib import Path
 from throwplan.problems.files import filling
 
 from . import (
+    calibration,
     models,
     parts,
     planner,
@@ -40,6 +41,7 @@ SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "swings": swings.make,
     "robust": robust.make,
     "throws": throws.make,
+    "calibration": calibration.make,
 }
 #: Libraries whose versions the report names.
 LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig")

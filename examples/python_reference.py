@@ -28,11 +28,12 @@ CHAPTERS = {
     "Swings under way": "Session Update Response",
     "Drawings in your own axes": "draw_bars draw_cup draw_flight",
     "Releases and sweeps": "simulate simulate_batch sweep Sweep reach_map ReachMap",
-    "Measured throws": "load_throws ThrowData throw_data thrown identify Identified",
+    "Measured throws": "load_throws ThrowData throw_data thrown identify Identified calibrate "
+    "Calibrated",
     "Scenes": "load_scene scene_names scene_text Scene",
     "Sections of a scene": "Object Contact Gripper Grasp Hand Robot Motion Target Pose Region "
     "Tolerance Choice Cup Landing Workspace Obstacle Torque Uncertainty Distribution Robust Rest "
-    "Mesh",
+    "Calibration Mesh",
     "Errors": "InputError ThrowplanError",
 }
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, Protocol
 
@@ -228,9 +228,14 @@ class FlightState:
 
 @dataclass(frozen=True)
 class FlightLaw:
-    """A rigid body under gravity [m/s^2] along -z, without drag."""
+    """A rigid body under gravity [m/s^2] along -z, without drag.
+
+    bias: by how far measured throws land off the release model's prediction, dx [m] and dtheta
+    [rad]; None without a calibration.
+    """
 
     gravity: Value = 9.81
+    bias: tuple[Value, Value] | None = None
 
     def after(self, state: FlightState, time: Value) -> FlightState:
         """The state `time` [s] later: numbers, arrays, or CasADi expressions."""
@@ -259,15 +264,27 @@ class FlightLaw:
             time = xp.where(g > 0, xp.where(v_z > 0, (v_z + root) / g, falling), straight)
             return xp.where(time >= 0, time, np.nan)
 
+    def calibrated(self, detach: FlightState, time: Value) -> FlightState:
+        """The state at detach of a flight of `time` [s] that ends `bias` farther.
+
+        Measurements show the bias at the landing only. It is spread evenly over the flight, as
+        errors of v_x and omega: none at the pads, all of it at the landing.
+        """
+        if self.bias is None:
+            return detach
+        dx, dtheta = self.bias
+        return replace(detach, v_x=detach.v_x + dx / time, omega=detach.omega + dtheta / time)
+
     def land(self, detach: Array, height: float) -> Array:
         """x [m], theta [rad] and flight time [s] (N, 3) at which the CoM falls through `height`.
 
-        detach (N, 6): x, z, theta, v_x, v_z, omega of the CoM. NaN where it never does.
+        detach (N, 6): x, z, theta, v_x, v_z, omega of the CoM, by a release model; the landing has
+        the bias. NaN where it never does.
         """
-        start = FlightState(*detach.T)
+        start, (dx, dtheta) = FlightState(*detach.T), self.bias or (0.0, 0.0)
         time = self.fall_time(start, height)
         end = self.after(start, time)
-        return np.column_stack([end.x, end.theta, time])
+        return np.column_stack([end.x + dx, end.theta + dtheta, time])
 
     def apex(self, start: FlightState) -> FlightState:
         """The highest state from `start` on; `start` itself if it falls, or without gravity."""

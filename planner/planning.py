@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..problems import Pose
 from .ocp import Request
 from .result import Plan, PlannedThrow
@@ -22,6 +24,8 @@ from .search import (
 
 #: Name of the limit that binds if no sampled release lands at the target's height.
 HEIGHT = "landing height"
+#: Throws among which one like the throws of [calibration] is looked for.
+OTHERS = 4
 #: Name of the limit that binds if the bar at the target is inside the base column.
 COLUMN = "base column"
 
@@ -40,7 +44,25 @@ def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = N
             return unsolved_plan(search, history, words, out_of_reach=False, binding=(name,))
     history = find_throws(search, FROM_NOTHING, history)
     search.remember(history)
-    return solved_plan(search, history) if history.found else _failed_plan(search, history)
+    if not history.found:
+        return _failed_plan(search, history)
+    return _plan_like_measured(context, task, solved_plan(search, history))
+
+
+def _plan_like_measured(context: SearchContext, task: Task, plan: Plan) -> Plan:
+    """Of several throws to the target, one at speeds that [calibration] knows.
+
+    The plan itself if it is one, if object, grip or prediction have changed, if none is found in
+    the task's time, and if the task wants several throws anyway.
+    """
+    claim = plan.calibrated
+    if claim is None or claim.setup or not claim.speeds or task.wanted > 1:
+        return plan
+    several = plan_throw(context, replace(task, wanted=OTHERS))
+    for other in (several, *several.alternatives):
+        if other.calibrated is not None and other.calibrated.holds:
+            return replace(other, alternatives=())
+    return plan
 
 
 def plan_from_warm(context: SearchContext, task: Task, warm: PlannedThrow) -> Plan | None:

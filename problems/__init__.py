@@ -6,6 +6,7 @@ and writes, `throws` has measured throws, `urdf` makes arms from robots' files.
 """
 
 from .arms import load_arm
+from .calibration import Calibration, check_level, rank_of
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque
 from .poses import Pose, Region, ThrowPlane

@@ -147,8 +147,9 @@ def toml_lines(
             said = meanings.get(name, {}).get("")
             inner += ["", remarked(heading, said), *toml_lines(row, meanings, name)]
         if not rows and not isinstance(value, dict):
-            # TOML's texts have JSON's escapes; repr keeps every digit of a number.
-            text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+            # TOML's texts and truths are JSON's; repr keeps every digit of a number.
+            as_json = isinstance(value, str | bool)
+            text = json.dumps(value, ensure_ascii=False) if as_json else repr(value)
             lines.append(remarked(f"{toml_key(key)} = {text}", about.get(key)))
     return lines + inner
 

@@ -16,6 +16,7 @@ from typing import Any
 from ..models import Body, Contact, FlightLaw
 from ..models.robot import Arm
 from .arms import arm_table, load_arm, load_gripper
+from .calibration import Calibration
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque, check_torque, thrown_by
 from .poses import Pose
@@ -96,6 +97,7 @@ class Scene(Section):
     uncertainty: Uncertainty | None = None
     robust: Robust | None = None
     rest: Rest | None = None
+    calibration: Calibration | None = None
     mesh: Mesh = dataclasses.field(default_factory=Mesh)
     arm: Arm | None = None
     file: str = ""
@@ -117,6 +119,8 @@ class Scene(Section):
         self._load_arm(manipulators[0])
         if self.motion is None and self.target is None:
             raise InputError("section [target] is missing")
+        if self.motion is not None and self.calibration is not None:
+            raise InputError("[calibration]: only for a scene with [hand] or [robot]")
         if self.target is not None and self.robot is None and self.target.y != 0:
             raise InputError("[target] y: only for a scene with [robot]")
         if self.robot is not None and self.arm is not None:
@@ -166,10 +170,9 @@ class Scene(Section):
             check_torque(self.torque, self.robot, self.arm)
 
     def _check_spread(self) -> None:
-        if self.uncertainty is None:
-            return
-        with within("[uncertainty]", " "):
-            self.uncertainty.check_possible(self.values, self.ranges)
+        if self.uncertainty is not None:
+            with within("[uncertainty]", " "):
+                self.uncertainty.check_possible(self.values, self.ranges)
 
     def _check_rest(self) -> None:
         if self.rest is None:
@@ -292,8 +295,8 @@ class Scene(Section):
 
     @property
     def flight(self) -> FlightLaw:
-        """The law of free flight."""
-        return FlightLaw(self.gravity)
+        """The law of free flight, whose landings have the bias of [calibration]."""
+        return FlightLaw(self.gravity, self.calibration.bias if self.calibration else None)
 
     @property
     def values(self) -> dict[str, float]:

@@ -38,6 +38,7 @@ COMMANDS = {
     "import-robot": (import_robot.arguments, import_robot.run),
     "make-throws": (measured.make_throws_arguments, measured.make_synthetic),
     "identify": (measured.identify_arguments, measured.identify_models),
+    "calibrate": (measured.calibrate_arguments, measured.calibrate_scene),
     "validate": (measured.validate_arguments, measured.validate_models),
 }
 #: Longest word [characters] of a printed message; longer words are cut.

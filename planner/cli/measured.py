@@ -11,15 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
-from ...problems import InputError, load_scene
+from ...problems import Calibration, InputError, load_scene
 from ...problems.files import prepare_folder, read_text, toml_tables
 from ...problems.throws import THROW_DATA_FILES, ThrowData, load_throws, write_throws
 from ..identify import (
+    CALIBRATE_FILES,
     IDENTIFY_FILES,
     PAPER_MODELS,
     VALIDATION_FILES,
     as_dict,
     as_text,
+    calibrate,
     check_model,
     identify,
     one_surface,
@@ -114,10 +116,15 @@ def identify_arguments(add: Add) -> None:
     add("--delay", action="store_true", help="fit a delay of the opening, too")
     add("--grip-scale", action="store_true", help="and the grip force's scale")
     add("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
+    _add_selection(add)
+    add_out(add, "identify.json, contact.toml, a picture")
+
+
+def _add_selection(add: Add) -> None:
+    """The options that select throws, for `_selected`."""
     add("--throws", type=integer(1, 1_000_000), metavar="N", help="only the first N throws")
     look = {"nargs": "+", "action": "extend", "default": [], "metavar": "FACTOR=LABEL"}
     add("--only", help="only throws with this label", **look)
-    add_out(add, "identify.json, contact.toml, a picture")
 
 
 def identify_models(options: argparse.Namespace) -> int:
@@ -141,6 +148,43 @@ def identify_models(options: argparse.Namespace) -> int:
         text += f"{written(options)}; contact.toml is for a scene, in place of its [contact] and "
         text += "[uncertainty]"
     print_result(options, [one.to_dict() for one in found], text)
+    return DONE
+
+
+def calibrate_arguments(add: Add) -> None:
+    """The options of `calibrate`."""
+    words = f"{DATA}, or a CSV file with plan, x [m] and theta [rad] of each landing"
+    add("data", metavar="DATA", help=words)
+    add("--scene", metavar="SCENE", required=True, help="the scene to calibrate")
+    low, high = Calibration.LEVEL["least"], Calibration.LEVEL["most"]
+    words = "share of new throws in the region (default: 0.9, from 9 throws on)"
+    add("--level", type=number(low, high), metavar="SHARE", default=0.9, help=words)
+    words = "fit friction and radius to these throws too; for each throw to the others"
+    add("--fit", action="store_true", help=words)
+    _add_selection(add)
+    add_out(add, "calibration.toml, calibrate.json and a picture")
+
+
+def calibrate_scene(options: argparse.Namespace) -> int:
+    """Learn bias and scatter of a scene's landings from measured throws.
+
+    example: throwplan calibrate out/throws --scene my.toml --out out/calibration
+    """
+    scene = load_scene(options.scene)
+    data: ThrowData | str = options.data
+    if Path(options.data).is_dir():
+        with Progress(f"{options.data}: reading"):
+            data = _selected(load_throws(options.data), options)
+    elif options.fit or options.only or options.throws is not None:
+        raise InputError("--fit, --only, --throws: only for a folder of measured throws")
+    prepare_out(options, CALIBRATE_FILES)
+    with Progress(f"{scene.name}: calibrating") as progress:
+        found = calibrate(data, scene, options.level, fit=options.fit, progress=progress)
+    save_out(options, scene.name, found.save)
+    text = f"{found.summary()}\n\n{found.text()}" if options.out is None else found.summary()
+    if options.out is not None:
+        text += f"{written(options)}; calibration.toml is a section for the scene"
+    print_result(options, found.to_dict(), text)
     return DONE
 
 

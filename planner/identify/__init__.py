@@ -1,6 +1,9 @@
 """Measured throws: contact parameters fitted to them, release models validated on them."""
 
 from .belief import Belief, applied, contact_text, prior_of
+from .calibration import FILES as CALIBRATE_FILES
+from .calibration import Calibrated, calibrate
+from .conformal import region as conformal_region
 from .identification import FILES as IDENTIFY_FILES
 from .identification import Identified, identify, one_surface, save_identified, summary_of
 from .measured import measured, throw_data

@@ -159,6 +159,7 @@ def build_nlp(request: Request) -> ThrowNlp:
         ranges=request.ranges,
         elastic=request.elastic > 0.0,
         robust=bool(request.robust),
+        calibrated=scene.calibration is not None,
     )
     ocp = Ocp(structure, manipulator)
     landing = ThrowProblem(ocp, constraints).declare()
@@ -176,7 +177,13 @@ def _common_values(request: Request) -> dict[str, Any]:
     assert target is not None
     profile = scene.gripper.profile()
     nodes = opening_nodes(scene.mesh, profile.opening)
+    bias = (
+        {}
+        if scene.calibration is None
+        else dict(zip(("bias_x", "bias_theta"), scene.calibration.bias, strict=True))
+    )
     return {
+        **bias,
         **vars(scene.body),
         **vars(scene.patch),
         "gravity": scene.gravity,

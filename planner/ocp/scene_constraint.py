@@ -84,7 +84,7 @@ class Flight(Node):
         pose, twist, motion = hand
         state = node.ocp.full_relative_state(node.relative_state(opening))
         values = node.ocp.release(opening).com_state(state, pose, twist, motion)
-        start = FlightState(*node.stage.lift(*values))
+        start = node.ocp.flight.calibrated(FlightState(*node.stage.lift(*values)), time)
         end = node.ocp.flight.after(start, time)
         return cls(node.ocp, node.stage, node.k, start, end, time)
 

@@ -38,7 +38,8 @@ class Structure:
     interval; grip and held bar are constrained at their ends. initial_motion: whether the throw
     starts from a given motion instead of rest. pivot: whether the object's rotation in the pads
     matters (not for a CoM grasp with the landing angle open). ranges: whether the target is a range
-    of x, of theta. robust: whether it is of a robust plan, whose window may be empty.
+    of x, of theta. robust: whether it is of a robust plan, whose window may be empty. calibrated:
+    whether the flight has the bias of [calibration].
     """
 
     carry: int
@@ -56,6 +57,7 @@ class Structure:
     ranges: tuple[bool, bool]
     elastic: bool
     robust: bool
+    calibrated: bool
 
     @property
     def opens(self) -> int:

@@ -67,7 +67,8 @@ class Ocp:
         self.releases: dict[int, SlidingPivot] = {}
         release = self.release()
         self.body, self.contact, self.gravity = release.body, release.contact, p("gravity")
-        self.flight = FlightLaw(self.gravity)
+        bias = (p("bias_x"), p("bias_theta")) if structure.calibrated else None
+        self.flight = FlightLaw(self.gravity, bias)
         self.grasp_angle = p("grasp_angle")
         self.initial: dict[Block, ca.SX] = {}
         self.control = JERK if structure.jerk_control else ACCELERATION

@@ -15,7 +15,14 @@ from ...problems.files import filling, plain, write_json
 from .. import show
 from ..ocp import load_curve
 from ..throw import Manipulator, Throw, torque_limits
-from ..verdict import RestCount, Verdict, verdict, warnings
+from ..verdict import (
+    CalibratedLanding,
+    RestCount,
+    Verdict,
+    calibrated_landing,
+    verdict,
+    warnings,
+)
 from .files import FILES, FORMAT, PlanPath, Status, path_of, read_plan, write_motion
 from .planned_throw import PlannedThrow
 
@@ -75,8 +82,8 @@ class Plan:
         if not self.solved:
             return judged
         findings = (*judged.findings, *warnings(deciding, self.target))
-        if self.rests is not None:
-            findings += self.rests.findings
+        for claim in (self.calibrated, self.rests):
+            findings += () if claim is None else claim.findings
         return replace(judged, findings=findings)
 
     @property
@@ -92,6 +99,13 @@ class Plan:
         None without [rest] and without a throw.
         """
         return self.throw.rests if self.throw is not None and self.solved else None
+
+    @property
+    def calibrated(self) -> CalibratedLanding | None:
+        """What [calibration] says of the landing; None without it and without a throw."""
+        if self.throw is None or not self.solved:
+            return None
+        return calibrated_landing(self.throw.deciding, self.goal)
 
     @property
     def solved(self) -> bool:
@@ -148,8 +162,9 @@ class Plan:
             more["torque"] = {"use": use, "rate": torques.rate, "rate_limit": limit}
         if self.scene.notes:
             more["notes"] = list(self.scene.notes)
-        if self.rests is not None:
-            more["rest"] = self.rests.to_dict()
+        for name, claim in (("calibration", self.calibrated), ("rest", self.rests)):
+            if claim is not None:
+                more[name] = claim.to_dict()
         if self.robust:
             more["robust"] = {"method": self.robust, "peak_load": self.peak_load}
         if self.alternatives:
@@ -225,6 +240,9 @@ class Plan:
                 position, angle = 1e3 * off["position"], math.degrees(off["angle"])
                 label = name.replace("_", " ")
                 lines.append(f"  {label:14} error {position:8.3f} mm {angle:8.3f} deg{note}")
+        if self.calibrated is not None:
+            said = self.calibrated.aim_words, self.calibrated.words
+            lines += [f"  {words}" for words in said if words]
         if self.rests is not None:
             lines.append(f"  {self.rests.words}")
         lines += [f"  warning: {finding.words}" for finding in self.verdict.warnings]

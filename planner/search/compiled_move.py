@@ -57,7 +57,10 @@ class ThrowFamily:
         move.errors, move.aim[:], move.off[:] = slope.shape[1], aim, off.tolist()
         begin, along = np.ascontiguousarray(u, float), np.ascontiguousarray(slope, float)
         move.attach(u=begin, slope=along)
-        move.goal[:] = goal.plane_x, goal.z, 0.0 if goal.theta is None else goal.theta
+        # The core's landings are the release model's, without the bias of [calibration].
+        dx, dtheta = self._scene.flight.bias or (0.0, 0.0)
+        theta = 0.0 if goal.theta is None else goal.theta
+        move.goal[:] = goal.plane_x - dx, goal.z, theta - dtheta
         if library().move_throw(move, found) <= 0:
             return None
         u, breaks, cubics = (found.kept[name].copy() for name in ("u", "breaks", "cubics"))

@@ -68,7 +68,7 @@ def timeline(throw: Throw, step: float = 0.001) -> Timeline:
     opening, detach, landing = throw.opening_time, throw.detach_time, throw.landing_time
     after = None
     if scene.rest is not None and not throw.target.speed and throw.lands:
-        after = rest_motion(scene, throw.deciding.release.detach)
+        after = rest_motion(scene, throw.deciding.landing.start)
     end = landing if after is None else max(landing, detach + after.times[-1])
     times = np.arange(0.0, end + step / 2, step)
     pose, twist, acceleration = throw.manipulator.hand(throw.to_rest).at(times)

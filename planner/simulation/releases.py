@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, Body, Contact, HandTrack, MovedHand, Trajectory
+from ...models import Array, Body, Contact, FlightLaw, HandTrack, MovedHand, Trajectory
 from ...models.release import (
     BATCH_MODELS,
     MODELS,
@@ -173,7 +173,7 @@ def _simulated(scene: Scene, model: ReleaseModel, case: ReleaseCase) -> Simulati
     start = time.perf_counter()
     release = model.with_pressure(scene.contact.pressure).release(case)
     height = None if scene.target is None else scene.target.z
-    land = None if height is None else LandingPoint.of(release, height, scene.flight)
+    land = None if height is None else LandingPoint.of(release, height, FlightLaw(scene.gravity))
     return Simulation(model.name, release, land, time.perf_counter() - start)
 
 
@@ -231,7 +231,7 @@ def simulate_batch(
         shares = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
         release = BatchRelease.joined(list(executor.map(run, map(batch.part, shares))))
     height = None if scene.target is None else scene.target.z
-    landing = None if height is None else scene.flight.land(release.detach, height)
+    landing = None if height is None else FlightLaw(scene.gravity).land(release.detach, height)
     return BatchResult(release.detach, landing, release.trouble)
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
-from ...models import Array, Body, Contact, Indices, Trajectory
+from ...models import Array, Body, Contact, FlightState, Indices, Trajectory
 from ...models.release import MODELS, STEPPED_SURFACE, BatchRelease, ReleaseBatch, exact_detaches
 from ...problems import Pose, Scene
 from .manipulator import HandError
@@ -141,6 +141,8 @@ class ThrowBatch:
         start[:, 3:5] += error[:, 3:5]
         opened = self.throw.opening_time + late
         freed, landing = opened + opening, self.scene.flight.land(start, self.target.z)
+        flown = np.where(landing[:, 2] > 0.0, landing[:, 2], np.inf)
+        start = np.column_stack(astuple(self.scene.flight.calibrated(FlightState(*start.T), flown)))
         after = freed + landing[:, 2] - self.throw.landing_time
         # The pads are round: an error of the hand's angle is one of the grasp angle.
         angle = columns["grasp_angle"] + columns["hand_theta"]

@@ -7,7 +7,7 @@ computed when they are first read.
 from __future__ import annotations
 
 import math
-from dataclasses import InitVar, dataclass, replace
+from dataclasses import InitVar, astuple, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -38,20 +38,26 @@ EXACT = {SLIDING_PIVOT: exact_pivot_release, STEPPED_SURFACE: exact_surface_rele
 
 @dataclass(frozen=True)
 class LandingPoint:
-    """Place and time at which the falling CoM passes a height; NaN if it never does."""
+    """Place and time at which the falling CoM passes a height; NaN if it never does.
+
+    state: there; start: at detach, of the flight that ends there.
+    """
 
     x: float
     z: float
     theta: float
     flight_time: float
     state: FlightState
+    start: FlightState
 
     @classmethod
     def of(cls, release: Release, height: float, flight: FlightLaw) -> LandingPoint:
         """Flight of a release to `height` [m]."""
         time = library().flight_time(release.end, height, flight.gravity)
-        end = flight.after(release.detach, time)
-        return cls(end.x, height if math.isfinite(time) else math.nan, end.theta, time, end)
+        start = flight.calibrated(release.detach, time if time > 0.0 else math.inf)
+        end = flight.after(start, time)
+        z = height if math.isfinite(time) else math.nan
+        return cls(end.x, z, end.theta, time, end, start)
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -174,7 +180,7 @@ class Throw:
         found, release = _core_motion(self), self.release
         times, com = self.opening_time + release.times, np.ascontiguousarray(release.com)
         found.detach, found.flight, found.nodes = times[-1], self.landing.flight_time, len(times)
-        found.attach(times=times, com=com, start=release.end)
+        found.attach(times=times, com=com, start=np.array(astuple(self.landing.start)))
         return found
 
     def __getstate__(self) -> dict[str, Any]:
@@ -259,7 +265,7 @@ class Throw:
 
     def flight(self, times: Array) -> Array:
         """CoM poses (3, N) at `times` (N,) [s] after detach."""
-        return self.scene.flight.after(self.release.detach, times).pose
+        return self.scene.flight.after(self.landing.start, times).pose
 
     @property
     def lands(self) -> bool:

@@ -4,6 +4,7 @@ This package alone decides on landing, grip, cup and clearances.
 """
 
 from .batch import Judge, Verdicts
+from .calibrated import CalibratedLanding, calibrated_landing, region_words
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .landing import lands_well
 from .resting import Entries, RestCount, count_rests

@@ -7,7 +7,7 @@ are measured at these instants only.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -319,7 +319,7 @@ class MotionLimits:
             clearances["column"] = column_distance(scene.object, com, *column)
         reference = ReferenceC(begin=begin, step=WINDOW * TICK, n=count)
         reference.detach, reference.far = throw.detach_time, self._far
-        reference.start[:] = throw.release.end.tolist()
+        reference.start[:] = astuple(throw.landing.start)
         # The motion of the bodies reduces clearances between ticks.
         end_state = throw.landing.state
         fall = math.hypot(end_state.v_x, end_state.v_z) + self._far * abs(end_state.omega)

@@ -83,6 +83,11 @@ class Code(Enum):
         "come to rest elsewhere",
         "a steeper or slower throw, a deeper or wider place, a shorter bar",
     )
+    CALIBRATION = (
+        "calibration",
+        "are unlike the throws of [calibration]",
+        "measure throws like this one and calibrate again",
+    )
     UNCERTAIN = "uncertain", "use up a reserve", "the reserve that the finding names"
 
     def __new__(cls, name: str, fate: str, cure: str) -> Code:
@@ -270,5 +275,6 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     ),
     Code.MODELS_DIFFER: lambda f: f.note,
     Code.REST: lambda f: f.note,
+    Code.CALIBRATION: lambda f: f.note,
     Code.UNCERTAIN: lambda f: f.note,
 }

@@ -1,0 +1,385 @@
+"""`throwplan calibrate`, the section [calibration], and plans that aim by it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+
+#: A bias, x [m] and theta [rad].
+BIAS = (0.03, math.radians(6.0))
+
+
+@pytest.fixture(scope="module")
+def plans(tmp_path_factory) -> tuple[Path, list[tp.Plan]]:
+    """Plans of `pose` at three places, saved as a, b and c in a folder; not to be changed."""
+    folder = tmp_path_factory.mktemp("plans")
+    planner = tp.Planner("pose", library=False)
+    made = [planner.plan(tp.Pose(x=x, z=0.1, theta=0.0)) for x in (1.18, 1.2, 1.22)]
+    for name, plan in zip("abc", made, strict=True):
+        assert plan.solved
+        plan.save(folder / name, draw=False)
+    return folder, made
+
+
+def predicted(plan: tp.Plan) -> tuple[float, float]:
+    """The landing by the deciding model: x [m], theta [rad]."""
+    landing = plan.to_dict()["landing"]["limit_surface"]
+    return landing["x"], landing["theta"]
+
+
+def throws_file(plans, path: Path, count: int, scatter=(0.004, 0.03), seed: int = 1, bias=BIAS):
+    """A CSV file of `count` throws with a bias and a normal scatter; their residuals (N, 2)."""
+    folder, made = plans
+    residuals = np.random.default_rng(seed).normal(bias, scatter, (count, 2))
+    lines = ["plan,x,theta,note"]
+    for i, (dx, dtheta) in enumerate(residuals.tolist()):
+        x, theta = predicted(made[i % 3])
+        lines.append(f"{folder / 'abc'[i % 3]},{x + dx!r},{theta + dtheta!r},sunny")
+    path.write_text("\n".join(lines) + "\n")
+    return residuals
+
+
+def calibration(**changes) -> tp.Calibration:
+    """A [calibration] of `pose`, its speeds those of any throw."""
+    x, theta = BIAS
+    known = {
+        "throws": 24,
+        "level": 0.9,
+        "x": x,
+        "theta": theta,
+        "x_interval": (x - 0.01, x + 0.01),
+        "theta_interval": (theta - 0.1, theta + 0.1),
+        "position": 0.0307,
+        "angle": math.radians(10.6),
+        "speed": (0.0, 9.0),
+        "rate": (-20.0, 20.0),
+        "mass": 0.24,
+        "com": 0.1,
+        "force": 120.0,
+        "opening": 0.05,
+        "friction": 1.0,
+        "patch_radius": 0.0025,
+        "model": "ls-step",
+    }
+    return tp.Calibration(**known | changes)
+
+
+# From throws to a plan.
+
+
+def test_from_a_csv_to_a_plan_that_aims_beside_the_target(run, plans, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    residuals = throws_file(plans, tmp_path / "throws.csv", 20)
+    found = run("calibrate throws.csv --scene pose --out cal --json").json
+    mean, half = residuals.mean(axis=0), found["region"]
+    assert [found["bias"][name]["value"] for name in ("x", "theta")] == pytest.approx(mean)
+    for name, value in zip(("x", "theta"), mean, strict=True):
+        assert found["bias"][name]["low"] < value < found["bias"][name]["high"]
+    # Student's 90 % interval of 20 throws: 1.729 standard errors.
+    error = residuals[:, 0].std(ddof=1) / math.sqrt(20)
+    assert found["bias"]["x"]["high"] - mean[0] == pytest.approx(1.729 * error, rel=1e-3)
+    assert (found["throws"], found["level"], found["guaranteed"]) == (20, 0.9, 19 / 21)
+    off = np.abs(residuals - mean) <= [half["position"], half["angle"]]
+    assert off.all(axis=1).sum() >= 18
+    names = {path.name for path in (tmp_path / "cal").iterdir()}
+    assert names == {"calibrate.json", "calibration.toml", "calibration.png"}
+    run("scenes --write pose")
+    text = Path("pose.toml").read_text() + Path("cal/calibration.toml").read_text()
+    Path("mine.toml").write_text(text)
+    said = run("plan mine.toml --out plan")
+    assert said.status == 0, said
+    words = f"by 20 of your throws 90 % land within {math.ceil(1e3 * half['position'])} mm"
+    assert words in said.out and "°" in said.out and "aimed at x 1.1" in said.out
+    # The motion that was sent, thrown without the calibration, lands the bias short of the target.
+    sent = tp.read_plan("plan")
+    bare = sent.in_scene(sent.scene.replace(calibration=None))
+    assert bare.landing.x == pytest.approx(1.2 - mean[0], abs=2e-4)
+    assert bare.landing.theta == pytest.approx(-mean[1], abs=1e-3)
+    assert sent.landing.x == pytest.approx(1.2, abs=2e-4)
+
+
+def test_text_says_bias_guarantee_and_assumptions(run, plans, tmp_path):
+    throws_file(plans, tmp_path / "throws.csv", 24)
+    said = run("calibrate --scene pose", tmp_path / "throws.csv").out
+    assert "24 throws of throws.csv, predicted by limit surface" in said
+    assert "guaranteed for at least 92.0 % (23 of 25)" in said
+    assert "exchangeable" in said and "same object, gripper" in said and "speed at detach" in said
+    assert "[calibration]" in said and "throws = 24" in said
+
+
+def test_in_python_the_section_serves_a_scene_and_its_file(plans, tmp_path):
+    throws_file(plans, tmp_path / "throws.csv", 9)
+    found = tp.calibrate(tmp_path / "throws.csv", "pose")
+    scene = found.apply(tp.load_scene("pose"))
+    assert scene.calibration == found.section
+    assert scene.calibration.bias == pytest.approx(found.residuals.landing.mean(axis=0))
+    (tmp_path / "mine.toml").write_text(f"{tp.scene_text('pose')}\n{found.text()}")
+    again = tp.load_scene(tmp_path / "mine.toml").calibration
+    for field in dataclasses.fields(again):
+        there, here = getattr(again, field.name), getattr(found.section, field.name)
+        assert there == here or there == pytest.approx(here, rel=1e-5), field.name
+
+
+def test_a_hidden_bias_is_halved(plans, tmp_path):
+    """The truth opens 2 ms late, jittering by 0.2 ms, with 1 % more friction."""
+    scene = tp.load_scene("pose")
+    rough = dataclasses.replace(scene.contact, friction=1.01)
+    rng = np.random.default_rng(5)
+
+    def lands(plan: tp.Plan) -> np.ndarray:
+        late = 0.002 + 0.0002 * rng.standard_normal()
+        throw = plan.throw.deciding
+        truth = dataclasses.replace(throw.scene, contact=rough, calibration=None)
+        landing = throw.in_scene(truth).delayed(late).landing
+        return np.array([landing.x, landing.theta])
+
+    folder, made = plans
+    lines = ["plan,x,theta"]
+    for i in range(12):
+        x, theta = lands(made[i % 3])
+        lines.append(f"{folder / 'abc'[i % 3]},{x},{theta}")
+    (tmp_path / "throws.csv").write_text("\n".join(lines))
+    found = tp.calibrate(tmp_path / "throws.csv", scene)
+    plan = tp.Planner(found.apply(scene), library=False).plan()
+    assert plan.solved
+    assert plan.to_dict()["calibration"]["holds"]
+    known, target = found.section, np.array([1.2, 0.0])
+    before, after = (np.array([lands(one) - target for _ in range(5)]) for one in (made[1], plan))
+    lever = scene.object.half_length
+    sizes = [np.median(np.abs(off) @ [1.0, lever]) for off in (before, after)]
+    assert known.position < abs(known.x) or known.angle < abs(known.theta)
+    assert sizes[1] < 0.5 * sizes[0]
+
+
+def test_the_region_covers_new_throws_of_any_distribution(plans, tmp_path):
+    """Correlated residuals with heavy tails: 100 data sets of 20 throws, 50 new ones of each."""
+    rng, inside = np.random.default_rng(8), []
+    folder, made = plans
+    x, theta = predicted(made[0])
+    mix = np.array([[0.01, 0.0], [0.08, 0.03]])
+    for _ in range(100):
+        drawn = rng.standard_t(3, (70, 2)) @ mix.T + BIAS
+        lines = [f"a,{x + dx},{theta + turn}" for dx, turn in np.clip(drawn[:20], -0.9, 0.9)]
+        (folder / "throws.csv").write_text("\n".join(["plan,x,theta", *lines]))
+        known = tp.calibrate(folder / "throws.csv", "pose").section
+        off = np.abs(drawn[20:] - known.bias) <= (known.position, known.angle)
+        inside.append(off.all(axis=1).mean())
+    # Of 100 sets the mean has a standard error below 0.01.
+    assert 0.87 < np.mean(inside) < 0.96
+
+
+# Plans with a calibration.
+
+
+def test_without_the_section_nothing_is_added(plans):
+    found = plans[1][1].to_dict()
+    assert "calibration" not in found
+    assert "your throws" not in plans[1][1].summary()
+    other = tp.Planner(tp.load_scene("pose").replace(calibration=calibration()), library=False)
+    again = other.plan().to_dict()
+    assert again["nlp"] == found["nlp"]
+    assert again["calibration"]["holds"] and again["calibration"]["bias"]["x"] == BIAS[0]
+    assert again["calibration"]["aim"]["x"] == pytest.approx(1.17)
+
+
+def test_the_sentence_rounds_bounds_up(plans):
+    plan = tp.plan(tp.load_scene("pose").replace(calibration=calibration()))
+    assert "\n  by 24 of your throws 90 % land within 31 mm and 11°\n" in plan.summary()
+    free = plan.scene.replace(target=tp.Pose(x=1.2, z=0.1))
+    said = tp.plan(free).summary()
+    assert "land within 31 mm\n" in said
+
+
+def test_a_cup_is_entered_by_the_throw_as_it_really_flies():
+    """The flight with the bias spread over it, by formulas of the test, passes the rim inside."""
+    scene = tp.load_scene("near-cup").replace(calibration=calibration(x=-0.02, x_interval=(-1, 1)))
+    plan = tp.Planner(scene, library=False).plan()
+    assert plan.solved, plan.message
+    throw, cup = plan.throw.deciding, plan.scene.cup
+    start, flight = throw.release.detach, throw.landing.flight_time
+    shares = np.linspace(0.7, 1.25, 400)
+    t = shares * flight
+    x = start.x + start.v_x * t - 0.02 * shares
+    z = start.z + start.v_z * t - 9.81 * t**2 / 2
+    theta = start.theta + start.omega * t + BIAS[1] * shares
+    ahead = scene.object.length - scene.object.com
+    depth = cup.rim - (z + ahead * np.sin(theta))
+    within = (depth > 0.0) & (depth < cup.insertion)
+    assert within.sum() > 10
+    end = x + ahead * np.cos(theta) - cup.x
+    assert (np.abs(end[within]) < cup.radius - scene.object.width / 2).all()
+    # The motion that forgets the bias does not pass the same verdict.
+    plain = tp.Planner("near-cup", library=False).plan()
+    judged = dataclasses.replace(plain, scene=scene)
+    moved = dataclasses.replace(plain.throw, deciding=plain.throw.deciding.in_scene(scene))
+    assert not dataclasses.replace(judged, throw=moved, status="not_converged").verdict.ok
+
+
+def test_a_sweep_has_the_bias_too():
+    scene = tp.load_scene("pose").replace(calibration=calibration())
+    plan = tp.plan(scene)
+    swept = tp.sweep(plan, samples=64).to_dict()
+    assert swept["bias"]["position"] < 1e-3 and swept["bias"]["angle"] < math.radians(0.3)
+
+
+def test_a_follower_of_the_plan_lands_on_the_target_too():
+    scene = tp.load_scene("pose").replace(calibration=calibration())
+    planner = tp.Planner(scene, library=False)
+    plan = planner.plan()
+    again = planner.plan(tp.Pose(x=1.21, z=0.1, theta=0.02), warm=plan)
+    assert again.solved and again.error_sent()[0] < 2e-3
+    moving = planner.plan(tp.Pose(x=1.2, z=0.1, theta=0.0, velocity=(0.05,)))
+    assert moving.solved and moving.error_sent()[0] < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"speed": (4.0, 5.0)}, "speed at detach"),
+        ({"rate": (5.0, 6.0)}, "turning rate at detach"),
+        ({"mass": 0.3}, "[object] mass is 0.24 kg, there 0.3 kg"),
+        ({"force": 100.0}, "[gripper] force is 120 N, there 100 N"),
+        ({"friction": 0.9}, "[contact] friction is 1, there 0.9"),
+        ({"model": "sp"}, "[tolerance] model is ls-step, there sp"),
+    ],
+)
+def test_a_throw_unlike_the_measured_ones_is_warned_of(changes, words):
+    plan = tp.plan(tp.load_scene("pose").replace(calibration=calibration(**changes)))
+    assert plan.solved
+    said = plan.summary()
+    assert f"warning: [calibration] does not hold here: {words}" in said
+    assert "of your throws" not in said
+    assert not plan.to_dict()["calibration"]["holds"]
+
+
+# Folders of recordings.
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> tuple[tp.ThrowData, tp.Scene]:
+    """18 synthetic recordings of one bar, and a scene with their object and grip."""
+    from throwplan.planner.cli import main
+
+    folder = tmp_path_factory.mktemp("throws") / "made"
+    assert main(["make-throws", "--out", str(folder), "--repeats", "1"]) == 0
+    data, scene = tp.load_throws(folder), tp.load_scene("pose")
+    bar = [i for i, throw in enumerate(data.throws) if throw.factors["com"] == "com1"]
+    return data.picked(bar), scene.replace(
+        gripper=tp.Gripper(force=220.0, dwell=0.05, opening=0.06),
+        contact=dataclasses.replace(scene.contact, friction=0.8, patch_radius=0.0031),
+    )
+
+
+def test_recordings_are_predicted_by_the_scene(recorded):
+    data, scene = recorded
+    found = tp.calibrate(data, scene)
+    # The scene has the true contact: little is left but the stated scatter and noise.
+    assert abs(found.section.x) < 0.003 and abs(found.section.theta) < math.radians(1.5)
+    assert 0.002 < found.section.position < 0.02
+    late = [dataclasses.replace(t, command=t.command + 0.008) for t in data.throws]
+    shifted = tp.calibrate(dataclasses.replace(data, throws=tuple(late)), scene)
+    assert abs(shifted.section.x - found.section.x) > 0.004
+
+
+@pytest.mark.slow
+def test_a_throw_is_left_out_of_the_fit_that_predicts_it(recorded):
+    data, scene = recorded
+    few = data.picked(list(range(0, 18, 2)))
+    before = tp.calibrate(few, scene, fit=True)
+    x, z, theta = few.throws[4].landing
+    far = dataclasses.replace(few.throws[4], landing=(x + 0.1, z, theta))
+    throws = (*few.throws[:4], far, *few.throws[5:])
+    after = tp.calibrate(dataclasses.replace(few, throws=throws), scene, fit=True)
+    change = after.residuals.landing - before.residuals.landing
+    assert change[4] == pytest.approx([0.1, 0.0], abs=1e-12)
+    assert before.guaranteed is None and before.section.fitted
+    fitted = before.apply(scene)
+    assert fitted.contact.friction != scene.contact.friction
+    assert fitted.calibration.friction == fitted.contact.friction
+    assert "[contact]" in before.text() and "[uncertainty" in before.text()
+
+
+# Wrong input.
+
+
+@pytest.mark.parametrize(
+    ("count", "level", "needed"), [(8, 0.9, 9), (18, 0.95, 19), (3, 0.8, 4), (2, 0.5, 3)]
+)
+def test_too_few_throws_are_refused_with_the_number_needed(
+    refused, plans, tmp_path, count, level, needed
+):
+    path = tmp_path / "throws.csv"
+    throws_file(plans, path, count)
+    said = refused(f"calibrate --scene pose --level {level}", path)
+    assert f"{count} throws are too few, needs at least {needed} throws" in said
+    throws_file(plans, path, needed)
+    assert tp.calibrate(path, "pose", level).section.throws == needed
+
+
+def test_wrong_files_and_options_are_refused(refused, plans, tmp_path):
+    folder, path = plans[0], tmp_path / "throws.csv"
+    assert "no such file" in refused("calibrate --scene pose", path)
+    path.write_text("plan,x\na,1\n")
+    assert "must name the columns plan, x and theta (theta is missing)" in refused(
+        "calibrate --scene pose", path
+    )
+    path.write_text(f"plan,x,theta\n{folder / 'a'},1.2,wide\n")
+    assert "line 2: theta = 'wide': must be a finite number" in refused(
+        "calibrate --scene pose", path
+    )
+    path.write_text("plan,x,theta\nnowhere,1.2,0\n")
+    assert "line 2:" in refused("calibrate --scene pose", path)
+    throws_file(plans, path, 9, bias=(0.0, 6.2))
+    assert "full turns count" in refused("calibrate --scene pose", path)
+    throws_file(plans, path, 9)
+    assert "its arm is not the scene's" in refused("calibrate --scene hand-flip", path)
+    assert "[motion]" in refused("calibrate --scene drop", path)
+    assert "--scene" in refused("calibrate", path)
+    for option in ("--fit", "--throws 4", "--only com=com1"):
+        said = refused(f"calibrate {path} --scene pose {option}")
+        assert "only for a folder of measured throws" in said
+    for level in ("1", "0.4", "nine"):
+        assert "--level" in refused(f"calibrate --scene pose --level {level}", path)
+    with pytest.raises(tp.InputError, match=r"level = 1\.5: must be at most"):
+        tp.calibrate(path, "pose", 1.5)
+    with pytest.raises(tp.InputError, match="has no recordings"):
+        tp.calibrate(path, "pose", fit=True)
+
+
+def test_another_object_or_grip_is_refused(recorded, plans, tmp_path):
+    path = tmp_path / "throws.csv"
+    throws_file(plans, path, 9)
+    data, scene = recorded
+    pose = tp.load_scene("pose")
+    heavy = pose.replace(object=dataclasses.replace(pose.object, mass=0.3))
+    with pytest.raises(tp.InputError, match=r"mass 0.24, must be \[object\] mass = 0.3"):
+        tp.calibrate(path, heavy)
+    with pytest.raises(tp.InputError, match="grip force is 120 N"):
+        tp.calibrate(path, scene)
+    with pytest.raises(tp.InputError, match="grip force is 2"):
+        tp.calibrate(data, pose)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"throws": 8}, "level = 0.9: 8 throws are too few, needs at least 9 throws"),
+        ({"level": 1.2}, "level = 1.2: must be at most 0.999"),
+        ({"speed": (3.0, 2.0)}, "speed: the lowest comes first"),
+        ({"x": 40.0}, "x = 40: must be at most 10"),
+        ({"model": "patch"}, "model = 'patch': must be one of"),
+    ],
+)
+def test_wrong_sections_are_refused(changes, words):
+    with pytest.raises(tp.InputError, match=words.replace("[", r"\[")):
+        calibration(**changes)
+
+
+def test_a_given_motion_has_no_calibration():
+    with pytest.raises(tp.InputError, match=r"\[calibration\]: only for a scene with \[hand\]"):
+        tp.load_scene("drop").replace(calibration=calibration())
