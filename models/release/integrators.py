@@ -209,7 +209,7 @@ def _path(case: ReleaseCase) -> Trajectory:
 
 
 def _nodes(case: ReleaseCase, steps: int = 512) -> Array:
-    """Rows for all nodes of a release in at most so many steps: time, CoM pose and twist."""
+    """Rows for the nodes of a release in `steps` steps at most: time, CoM pose and twist."""
     path = _path(case)
     kinks = path.kinks - path.delays
     inside = np.count_nonzero((kinks > 0.0) & (kinks < case.grip.opening))

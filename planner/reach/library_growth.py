@@ -187,7 +187,7 @@ class LibraryBuilder:
             self._save()
 
     def _next_job(self, executor: Executor | None) -> Callable[[], list[CellResult]] | None:
-        """Solves the next cells; None while there is none."""
+        """What solves the next cells; None while no cell waits."""
         count, tasks = 1 if executor is None else SETTINGS.batch, list[CellTask]()
         while len(tasks) < count and (task := self._next_task()) is not None:
             self._running[task.cell] = task
@@ -218,7 +218,7 @@ class LibraryBuilder:
         return None
 
     def _next_new(self) -> CellTask | None:
-        """An unsolved cell; None where there is none now."""
+        """An unsolved cell; None while no cell waits."""
         if self._first:
             return self._first.pop()
         while self._waiting:
@@ -244,7 +244,7 @@ class LibraryBuilder:
         return CellTask(cell, goal, known, has_throw=cell in self._solved)
 
     def _next_at_edge(self) -> CellTask | None:
-        """A cell that no throw beside it led to, to be approached; None where there is none now."""
+        """A cell that no throw beside it led to, to be approached; None while no cell is."""
         if not self._edge and not self._running:
             beside = {beside for cell in self._solved for beside in self._cells.around(cell)}
             self._edge = sorted(beside - self._solved.keys())

@@ -3,6 +3,7 @@
 from .approach import approach_goal
 from .attempt import Attempt, Start, attempts, error_over
 from .candidates import release_start
+from .context import SearchContext, are_equal
 from .continuation import SqpContinuation
 from .failure import check_contradictions, contradiction, nothing_found
 from .guess import guess_from, initial_guess_from, remaining_throw, remaining_trajectory
@@ -18,4 +19,4 @@ from .move import (
     throw_of,
 )
 from .nlp_cache import Clock, NlpCache, Task, check_start
-from .strategies import FROM_NOTHING, FROM_THROWS, Search, SearchContext, are_equal, from_warm_plan
+from .strategies import FROM_NOTHING, FROM_THROWS, Search, from_warm_plan

@@ -17,114 +17,14 @@ from operator import attrgetter
 from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement, Request
 from ..result import PlannedThrow
-from ..samples import Releases, ReleaseSampler
-from ..throw import Manipulator
-from .attempt import Attempt, NearestFeasible, Start
+from .attempt import NearestFeasible, Start
 from .candidates import REGION_STARTS, STARTS, Candidates, release_start
+from .context import SETTINGS, SearchContext, are_equal
 from .failure import in_column
 from .guess import initial_guess_from
 from .history import Approach, History, Move, Solve, Try
-from .move import Corrector, fixed_optimum, moved_start, optimum_of
-from .nlp_cache import NlpCache, Task
-
-
-@dataclass(frozen=True)
-class SearchSettings:
-    """Numbers of throws, and distances as pose errors [m] from a landing to the target.
-
-    moves, moves_for_choice: most solved throws moved, for one throw and for each of several.
-    max_distance, warm_distance: largest distance of a throw that is moved, and of a warm plan.
-    near_distance: within it a warm plan's solution needs few iterations. comparable: further
-    solutions for a region are corrected up to this multiple of the least cost. first_starts:
-    sampled starts solved before throws beside the target are brought to it. approaches: solved
-    throws brought as near to the target as limits allow. same_distance: a throw within it of one
-    that is kept is not kept. close_distance: a target within it of the nearest landing may be in
-    reach of another motion. A target is out of reach if its `equal_landings` nearest landings have
-    distances within a factor of `equal_ratio`. An approach that limits hold farther off than
-    `hopeless` times the nearest landing ends.
-    """
-
-    moves: int = 4
-    moves_for_choice: int = 6
-    max_distance: float = 0.15
-    warm_distance: float = 0.06
-    near_distance: float = 0.005
-    comparable: float = 1.02
-    first_starts: int = 2
-    approaches: int = 2
-    same_distance: float = 0.005
-    close_distance: float = 0.03
-    equal_landings: int = 2
-    equal_ratio: float = 1.1
-    hopeless: float = 3.0
-
-
-SETTINGS = SearchSettings()
-
-
-def are_equal(missed: Sequence[float]) -> bool:
-    """Whether the least of rising distances [m] to a target agree, as evidence that it is out of
-    reach."""
-    number = SETTINGS.equal_landings
-    return len(missed) >= number and missed[number - 1] <= SETTINGS.equal_ratio * missed[0]
-
-
-@dataclass(frozen=True, eq=False)
-class SearchContext:
-    """Data that the searches of one scene share.
-
-    table: gives the release table; keep: whether the library is in the cache, or stays empty.
-    """
-
-    problems: NlpCache
-    sampler: ReleaseSampler
-    table: Callable[[], Releases]
-    keep: bool = True
-
-    def from_state(self, manipulator: Manipulator) -> SearchContext:
-        """The context of a manipulator that begins in another state of motion.
-
-        It shares NLPs and table, but has no library, whose throws begin at rest.
-        """
-        return replace(self, problems=self.problems.from_state(manipulator), keep=False)
-
-    @cached_property
-    def library(self) -> Library:
-        """The scene's solved throws that the cache has."""
-        return Library(self.problems.scene, self.problems.manipulator, keep=self.keep)
-
-    @cached_property
-    def found(self) -> Library:
-        """Throws that plans have found, also at the reach's boundary; in memory only."""
-        return Library(self.problems.scene, self.problems.manipulator, keep=False)
-
-    def remember(self, attempt: Attempt) -> None:
-        """Keeps a solver's throw for later plans, to start from.
-
-        It keeps none that lands beside another of its kind.
-        """
-        throw, edge, found = attempt.throw, attempt.edge, self.found
-        if throw is None or (attempt.goal.theta is not None) != found.angle:
-            return
-        landing = throw.deciding.landing
-        pose = attempt.goal.nearest(landing.x, landing.theta) if edge is None else edge.pose
-        optimum = fixed_optimum(found.controls, throw, () if edge is None else edge.names)
-        beside = found.nearest_throws(pose, "exact", 2, SETTINGS.same_distance)
-        if optimum is None or any(
-            bool(one.optimum.binding) == (edge is not None) for one in beside
-        ):
-            return
-        found.add([found.record(optimum, (pose.plane_x, pose.theta or 0.0), solved=True)])
-
-    @cached_property
-    def exhausted(self) -> list[NearestFeasible]:
-        """Nearest landings of the plans that tried all their starts in vain."""
-        return []
-
-    @cached_property
-    def corrector(self) -> Corrector:
-        """Moves solved throws."""
-        return Corrector(self.library.controls, self.problems)
+from .move import moved_start, optimum_of
+from .nlp_cache import Task
 
 
 @dataclass(frozen=True, eq=False)
