@@ -271,6 +271,17 @@ def test_a_throw_unlike_the_measured_ones_is_warned_of(changes, words):
     assert not plan.to_dict()["calibration"]["holds"]
 
 
+def test_throws_aimed_by_a_calibration_calibrate_again(tmp_path):
+    """They land on their target; their residual is the bias itself, not what is left of it."""
+    scene = tp.load_scene("pose").replace(calibration=calibration())
+    plan = tp.plan(scene)
+    plan.save(tmp_path / "aimed", draw=False)
+    (tmp_path / "throws.csv").write_text("\n".join(["plan,x,theta", *["aimed,1.2,0.0"] * 9]))
+    for base in (scene, "pose"):
+        found = tp.calibrate(tmp_path / "throws.csv", base)
+        assert found.section.bias == pytest.approx(BIAS, abs=1e-3)
+
+
 # Folders of recordings.
 
 
