@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -196,12 +197,13 @@ def _log_normal(value: float, deviation: float) -> tuple[float, ...]:
     return tuple(float(f"{value * share:.6g}") for share in shares)
 
 
-def contact_text(belief: Belief, torsion: float, faces: int) -> str:
-    """The sections [contact] and [uncertainty] for a scene file."""
+def contact_text(belief: Belief, shared: Mapping[str, Any]) -> str:
+    """The sections [contact] and [uncertainty] for a scene file; shared: keys of [contact] that
+    were not fitted."""
     known = belief.effective
     contact = {k: float(f"{known.value(k):.6g}") for k in ("friction", "patch_radius")}
     tables = {
-        "contact": contact | {"torsion": torsion, "faces": faces},
+        "contact": contact | dict(shared),
         "uncertainty": uncertainty_of(belief).table(),
     }
     lines = [
