@@ -1,4 +1,4 @@
-"""The few functions with which formulas run on floats, on NumPy arrays and on CasADi expressions."""
+"""The few functions by which formulas run on floats, NumPy arrays and CasADi expressions."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
-"""Shapes of a limit surface other than the plain ellipsoid (19): rotated ellipsoids, convex quartics,
-and two points.
+"""Shapes of a limit surface other than the plain ellipsoid (19).
 
 All are in the hand's axes. A wrench is w = (force along the hand, force across it, torque), each as
 a share of its own limit on the plain ellipsoid: friction stays within gauge(w) <= 1, and the plain
 ellipsoid is |w| <= 1. A rotated ellipsoid is w^T A w <= 1, a quartic a homogeneous polynomial
-H(w) <= 1 of degree 4 (Fig. 8 of Liu and Billard; Zhou et al., ICRA 2016). An ellipsoid is written as
+H(w) <= 1 of degree 4 (Fig. 8 of Liu and Billard; Zhou et al., ICRA 2016). An ellipsoid becomes
 the quartic (w^T A w)^2, so that two laws serve all shapes. The two points of Fig. 9 are on the
 hand's axis, c r_p before and behind the middle of the pads, and bear half of the force each.
 """
@@ -57,8 +56,8 @@ def points_gauge(w: Sequence[Value]) -> Value:
     """Gauge of two points: the larger share of their friction, with the force along the hand shared
     best.
 
-    The forces across the hand follow from w. While both points bear some of the force along it, both
-    are at their limit.
+    The forces across the hand follow from w. While both points bear some of the force along it,
+    both are at their limit.
     """
     along, across, torque = w
     xp = backend(*w)
@@ -98,11 +97,11 @@ class SurfaceShape:
     @cached_property
     def inscribed(self) -> float:
         """Radius of the largest plain ellipsoid inside: 1 for the plain one."""
-        return float(1.0 / np.max(self.gauge(_directions())))
+        return float(1.0 / np.max(self.gauge(list(_directions()))))
 
     def _checked(self) -> SurfaceShape:
         """Itself; ValueError if a quartic is not positive, or not convex, in some direction."""
-        w = _directions()
+        w = list(_directions())
         if np.min(polynomial(self.quartic, w)) <= 1e-9 * np.max(np.abs(self.quartic)):
             raise ValueError("the surface is not bounded: H(w) must be above 0 in each direction")
         bend = [
@@ -120,7 +119,8 @@ def _square(a: Sequence[float]) -> tuple[float, ...]:
     found = dict.fromkeys(EXPONENTS, 0.0)
     for one, i, j in terms:
         for other, k, m in terms:
-            found[tuple((i, j, k, m).count(axis) for axis in range(3))] += one * other
+            places = (i, j, k, m)
+            found[places.count(0), places.count(1), places.count(2)] += one * other
     return tuple(found.values())
 
 

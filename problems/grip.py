@@ -105,15 +105,16 @@ class Grasp(Section):
 
 #: Of the keys `shape` and `coefficients`, which data of throws have too.
 SHAPE_WORDS = (
-    "of the limit surface, fixed to the hand; left out: the ellipsoid of friction, patch_radius and "
-    "torsion; `ellipsoid` and `quartic` need `coefficients`; `two-points`: on the hand's axis, "
-    "torsion·patch_radius before and behind the middle. Only the model `ls-step` and the use of the "
-    "grip know it, `two-points` the meshed patches too"
+    "of the limit surface, fixed to the hand; left out: the ellipsoid of friction, patch_radius "
+    "and torsion; `ellipsoid` and `quartic` need `coefficients`; `two-points`: on the hand's axis, "
+    "torsion·patch_radius before and behind the middle. `ls-step` and the grip's use know it, "
+    "and `patch` and `lugre` know two points"
 )
 COEFFICIENT_WORDS = (
-    "of the force along the hand x, across it y and the torque t as shares of their limits: 6 of an "
-    "`ellipsoid` A₁₁ x² + A₂₂ y² + A₃₃ t² + 2 A₁₂ x y + 2 A₁₃ x t + 2 A₂₃ y t = 1, in this order; 15 "
-    "of a `quartic`, from x⁴, x³y, x³t, x²y² to y t³, t⁴"
+    "of the shape; x, y, t are force along and across the hand and torque as shares of their "
+    "limits. 6 of an `ellipsoid` A₁₁ x² + A₂₂ y² + A₃₃ t² + 2 A₁₂ xy + 2 A₁₃ xt + 2 A₂₃ yt = 1; "
+    "15 of a `quartic`, of x⁴, x³y, x³t, x²y², x²yt, x²t², xy³, xy²t, xyt², xt³, y⁴, y³t, y²t², "
+    "yt³, t⁴"
 )
 
 

@@ -68,8 +68,8 @@ FORMAT = "%.9g"
 class Shared(Section):
     """Properties shared by all throws of a data set.
 
-    Faces and torsion of the pads and the shape of their limit surface are not identified. arm is None for motions of the hand;
-    synthetic: origin of synthetic throws, empty for real ones.
+    Faces and torsion of the pads and the shape of their limit surface are not identified. arm is
+    None for motions of the hand; synthetic: origin of synthetic throws, empty for real ones.
     """
 
     landing_height: float = quantity(

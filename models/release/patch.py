@@ -61,9 +61,8 @@ class Patch:
 def pad(pressure: str, points: int) -> Patch:
     """A pad of torsion arm 1: `disc`, or for the pressure 'two-points' one point before and one
     behind."""
-    if pressure == "two-points":
-        return Patch(np.array([-1.0, 1.0]), np.zeros(2), np.full(2, 0.5))
-    return disc(pressure, points)
+    two = Patch(np.array([-1.0, 1.0]), np.zeros(2), np.full(2, 0.5))
+    return two if pressure == "two-points" else disc(pressure, points)
 
 
 def disc(pressure: str = "uniform", points: int = 64, torsion_arm: float = 1.0) -> Patch:
@@ -243,8 +242,7 @@ class PatchThrows:
 
 @dataclass(frozen=True)
 class PatchRelease:
-    """A patch of about `points` points under 'uniform' or 'hertz' pressure, or of 'two-points';
-    first order in steps.
+    """About `points` points, 'uniform', 'hertz' or 'two-points'; first order in steps.
 
     stiffness sigma_0 [1/m]: LuGre bristles on the points, loaded at time 0 so that the body
     rests, with a travel of mu / sigma_0 to full friction; None for rigid points.

@@ -3,7 +3,7 @@
 `ImpulseProblem` of limit_surface.py, in the hand's axes, is given: slip K w - rhs for an impulse w
 of gauge(w) <= R. Sticking, K w = rhs, is the answer if that is inside. Otherwise:
 
-*A quartic.* Its gauge h is homogeneous, so the ellipsoid w^T Q w = R^2 with Q the Hessian of h^2 / 2
+*A quartic.* Its gauge h is homogeneous: the ellipsoid w^T Q w = R^2, Q the Hessian of h^2 / 2,
 touches the surface along the ray through w, with its normal and its curvature. The impulse of
 largest dissipation on that ellipsoid, `ImpulseProblem` again, is the next w: a Newton iteration. In
 the first iterations a share of the plane across w is added to Q, which keeps the normal: it bounds

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, Trajectory
+from ...problems import Scene
 from .assembly import Nlp, assemble
 from .problem import ThrowProblem, Weights, variable_bounds
 from .request import Request, opening_nodes
@@ -178,7 +179,8 @@ def _sticking_limit(scene: Scene) -> float:
     The NLP does not know other shapes of the limit surface: it keeps inside the largest plain
     ellipsoid in them.
     """
-    limit, shape = 1.0 - scene.gripper.sticking_margin, scene.patch.shape
+    limit: float = 1.0 - scene.gripper.sticking_margin
+    shape = scene.patch.shape
     return limit if shape is None else limit * min(shape.inscribed, 1.0)
 
 

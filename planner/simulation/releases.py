@@ -7,14 +7,14 @@ import pathlib
 import time
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, Body, HandTrack, MovedHand, Trajectory
+from ...models import Array, Body, Contact, HandTrack, MovedHand, Trajectory
 from ...models.release import (
     BATCH_MODELS,
     MODELS,
@@ -265,7 +265,8 @@ def _batch(scene: Scene, hand: Mapping[str, Any], **given: Mapping[str, Any]) ->
     }
     opening, force = full["gripper"]["opening"], full["gripper"]["force"]
     _check_cover(hands, opening)
-    body, contact = Body(**full["object"]), replace(scene.patch, **full["contact"])
+    body = Body(**full["object"])
+    contact = Contact(**full["contact"], shape=scene.patch.shape)
     gravity, angle = scene.gravity, scene.grasp.angle
     return ReleaseBatch(count, body, contact, profile, hands, opening, force, gravity, angle)
 

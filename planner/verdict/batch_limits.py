@@ -62,8 +62,9 @@ class _Loads:
         column, scene = flights.columns, batch.scene
         full = scene.gripper.profile().full
         body = Body(column["mass"], column["inertia"], flights.com_offset)
-        pads = {name: column[name] for name in ("friction", "patch_radius")}
-        contact = replace(scene.patch, **pads)
+        contact = replace(
+            scene.patch, friction=column["friction"], patch_radius=column["patch_radius"]
+        )
         return cls(body, contact, flights.grasp_angle, full, scene.gravity)
 
     def wrench(self, hand: HandMotion) -> tuple[Array, Array, Array]:
