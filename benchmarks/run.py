@@ -16,6 +16,7 @@ from . import (
     models,
     parts,
     planner,
+    pushes,
     reach,
     regions,
     rest,
@@ -40,6 +41,7 @@ SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "swings": swings.make,
     "robust": robust.make,
     "throws": throws.make,
+    "pushes": pushes.make,
 }
 #: Libraries whose versions the report names.
 LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig")

@@ -87,8 +87,19 @@ class SurfaceShape:
             raise ValueError(f"{name} takes {SHAPES[name]} numbers, not {len(coefficients)}")
         values = tuple(float(value) for value in coefficients)
         if name == "ellipsoid":
-            return cls(_square(values))._checked()
+            return cls.squared(values)._checked()
         return cls(values)._checked() if name == "quartic" else cls()
+
+    @classmethod
+    def squared(cls, a: Sequence[float]) -> SurfaceShape:
+        """The quartic (w^T A w)^2 of an ellipsoid; unchecked."""
+        terms = [(a[n] * (1.0 if i == j else 2.0), i, j) for n, (i, j) in enumerate(ENTRIES)]
+        found = dict.fromkeys(EXPONENTS, 0.0)
+        for one, i, j in terms:
+            for other, k, m in terms:
+                places = (i, j, k, m)
+                found[places.count(0), places.count(1), places.count(2)] += one * other
+        return cls(tuple(found.values()))
 
     def gauge(self, w: Sequence[Value]) -> Value:
         """Size of w (3 values): 1 on the surface, in proportion along a ray."""
@@ -111,17 +122,6 @@ class SurfaceShape:
         if least < -1e-6 * np.max(np.abs(self.quartic)):
             raise ValueError("the surface is not convex: the Hessian of H(w) has a negative value")
         return self
-
-
-def _square(a: Sequence[float]) -> tuple[float, ...]:
-    """Coefficients of the quartic (w^T A w)^2."""
-    terms = [(a[n] * (1.0 if i == j else 2.0), i, j) for n, (i, j) in enumerate(ENTRIES)]
-    found = dict.fromkeys(EXPONENTS, 0.0)
-    for one, i, j in terms:
-        for other, k, m in terms:
-            places = (i, j, k, m)
-            found[places.count(0), places.count(1), places.count(2)] += one * other
-    return tuple(found.values())
 
 
 def _directions() -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
