@@ -1,9 +1,9 @@
 """Section `pushes`: the friction laws of `models` on real pushes of a slider on known supports.
 
 The 492 pushes are those of Zhou, Paolini, Bagnell and Mason (ICRA 2016; licence beside the data): a
-finger pushes an aluminium triangle 15 mm over hardboard or plywood. Each law is fitted on half of a log and
-scored on the other half, both ways: the angle between the measured and the predicted twist of the
-measured wrench, and between the measured and the predicted wrench of the measured twist.
+finger pushes an aluminium triangle 15 mm over hardboard or plywood. Each law is fitted on half of a
+log and scored on the other half, both ways: the angle between the measured and the predicted twist
+of the measured wrench, and between the measured and the predicted wrench of the measured twist.
 
 Wrench and twist are in units in which the support under even pressure has the torsion arm 1: f_x,
 f_y, tau / arm and d_x, d_y, arm d_theta.
@@ -81,7 +81,7 @@ class Log:
 
 @dataclass(frozen=True)
 class Law:
-    """A fitted law: twists (N, 3) of wrenches, and wrenches (N, 3) of twists; sizes do not count."""
+    """A fitted law: twists (N, 3) of wrenches, wrenches (N, 3) of twists; of any length."""
 
     twist: Callable[[Array], Array]
     wrench: Callable[[Array], Array]
@@ -100,9 +100,13 @@ def make(effort: Effort) -> ReportSection:
         step()
     table = Table("pushes", "Mean angle [deg] to measured pushes", _rows(errors), short=True)
     words = (
-        "492 real pushes of a slider on wood, ten logs; each law is fitted on half of a log and scored "
-        f"on the other half. The data allow about {DATA:.0f}°. Intervals are 95 % of the mean, over "
-        "pushes."
+        "492 real pushes of a slider on wood, ten logs; each law is fitted on half of a log and "
+        f"scored on the other half. The data allow about {DATA:.0f}°. Intervals are 95 % of the "
+        "mean, over pushes. `ls`, `ils` and `ls-step` have the ellipsoid; `patch` and, in steady "
+        "slip, `lugre` have Coulomb points."
+    )
+    limits = (
+        "A bar between two pads differs: no rubber here, no falling force, and little pure turning."
     )
     low, high = 100 * (min(arms) - 1), 100 * (max(arms) - 1)
     off = (
@@ -112,7 +116,7 @@ def make(effort: Effort) -> ReportSection:
     return ReportSection(
         "pushes",
         "Friction laws on real pushes",
-        [words, off],
+        [words, off, limits],
         [table],
         [Picture("pushes", "Mean angle between predicted and measured twist", _draw(table))],
     )

@@ -21,6 +21,7 @@ from . import (
     regions,
     rest,
     robust,
+    shapes,
     stability,
     summary,
     swings,
@@ -42,6 +43,7 @@ SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "robust": robust.make,
     "throws": throws.make,
     "pushes": pushes.make,
+    "shapes": shapes.make,
 }
 #: Libraries whose versions the report names.
 LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig")
