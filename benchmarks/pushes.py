@@ -21,7 +21,6 @@ import numpy as np
 from scipy.optimize import least_squares, minimize, nnls
 from throwplan.models import Array, SurfaceShape
 from throwplan.models.release.patch import Patch, PointSolver
-from throwplan.models.surface import ENTRIES, EXPONENTS, polynomial
 from throwplan.planner.show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Row, Table
 
 from .page import Effort, Picture, ReportSection, panels
@@ -170,15 +169,15 @@ def quartic_law(shape: SurfaceShape) -> Law:
     """The twist is the normal of the surface; the wrench bears the largest power of a twist."""
 
     def normal(wrench: Array) -> Array:
-        return np.array([polynomial(shape.quartic, list(wrench.T), i) for i in range(3)]).T
+        return np.array(shape.normal(list(wrench.T))).T
 
     def wrench(twist: Array) -> Array:
         found = []
         for v in _unit(twist):
 
             def cost(w: Array, v: Array = v) -> tuple[float, Array]:
-                size, slope = polynomial(shape.quartic, w), normal(w[None])[0]
-                return _ratio(float(np.log(size) / 4), slope / (4 * size), w, v)
+                size, slope = float(shape.gauge(list(w))), normal(w[None])[0]
+                return _ratio(float(np.log(size)), slope / (4 * size**4), w, v)
 
             found.append(minimize(cost, v, jac=True, method="BFGS").x)
         return np.array(found)
@@ -253,14 +252,14 @@ def fitted_quartic(log: Log, squares: int) -> SurfaceShape:
     lower = np.tril_indices(3)
 
     def shape(x: Array) -> SurfaceShape:
-        total = np.zeros(len(EXPONENTS))
+        quartics = []
         for row in x.reshape(squares, 6):
             root = np.zeros((3, 3))
             root[lower] = row
             matrix = root @ root.T
-            entries = [float(matrix[place]) for place in ENTRIES]
-            total += SurfaceShape.squared(entries).quartic
-        return SurfaceShape(tuple(total.tolist()))
+            entries = [*np.diag(matrix), matrix[0, 1], matrix[0, 2], matrix[1, 2]]
+            quartics.append(SurfaceShape.squared(entries).quartic)
+        return SurfaceShape(tuple(np.sum(quartics, axis=0).tolist()))
 
     def off(x: Array) -> Array:
         law = quartic_law(shape(x))
@@ -347,14 +346,16 @@ def _unit(rows: Array) -> Array:
 def _angles(one: Array, other: Array) -> Array:
     """Angles (N,) [deg] between rows."""
     cosines = (_unit(one) * _unit(other)).sum(axis=1)
-    return np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+    return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))))
 
 
 def _draw(table: Table) -> Figure:
     figure, axes = panels(7.6, 3.6, 1, 2, sharey=True)
     for axis, kind in zip(axes[0], ("patch", "points"), strict=True):
         for i, row in enumerate(reversed(table.rows)):
-            value, low, high = row[f"{kind}: twist [°]"]  # type: ignore[misc]
+            cell = row[f"{kind}: twist [°]"]
+            assert isinstance(cell, tuple)
+            value, low, high = cell
             colour = COLOURS[str(row["law"])]
             axis.plot([low, high], [i, i], color=colour, lw=2)
             axis.plot(value, i, "o", color=colour)

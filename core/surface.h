@@ -55,8 +55,11 @@ INLINE void solve_shaped(const shape *f, const lane base[10], lane w[3], lane us
     copy_lanes(3, found + 1, w);
     shape_use(f, w, use);
     EACH_LANE {
-        moving[0][l] = use[0][l] > base[9][l] ? 1.0 : 0.0;
-        use[0][l] = moving[0][l] != 0.0 ? 1.0 : use[0][l] / base[9][l];
+        double radius = base[9][l];
+        moving[0][l] = use[0][l] > radius && radius > 0.0 ? 1.0 : 0.0;
+        use[0][l] = use[0][l] < radius ? use[0][l] / radius : 1.0;
+        for (int i = 0; i < 3; i++)
+            w[i][l] = radius > 0.0 ? w[i][l] : 0.0;
         share[0][l] = FIRST_SHARE;
     }
     for (int i = 0; i < 15; i++)
@@ -70,7 +73,7 @@ INLINE void solve_shaped(const shape *f, const lane base[10], lane w[3], lane us
     if (f->points) {
         points_wrench(base, unknowns, next);
         for (int i = 0; i < 3; i++)
-            EACH_LANE w[i][l] = use[0][l] < 1.0 ? w[i][l] : next[i][l];
+            EACH_LANE w[i][l] = use[0][l] < 1.0 || !(base[9][l] > 0.0) ? w[i][l] : next[i][l];
     }
     for (int i = 0; !f->points && i < QUARTIC_ITERATIONS && any(moving); i++) {
         quartic_tangent(base, w, quartic, share, problem, factor);

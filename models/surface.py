@@ -105,6 +105,10 @@ class SurfaceShape:
         """Size of w (3 values): 1 on the surface, in proportion along a ray."""
         return quartic_gauge(w, self.quartic) if self.quartic else points_gauge(w)
 
+    def normal(self, w: Sequence[Value]) -> list[Value]:
+        """Gradient of H (3 values) at w: the direction of slip under friction -w; of a quartic."""
+        return [polynomial(self.quartic, w, i) for i in range(3)]
+
     @cached_property
     def inscribed(self) -> float:
         """Radius of the largest plain ellipsoid inside: 1 for the plain one."""

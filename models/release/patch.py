@@ -59,8 +59,7 @@ class Patch:
 
 
 def pad(pressure: str, points: int) -> Patch:
-    """A pad of torsion arm 1: `disc`, or for the pressure 'two-points' one point before and one
-    behind."""
+    """A pad of torsion arm 1: a `disc`, or by 'two-points' one point before and one behind."""
     two = Patch(np.array([-1.0, 1.0]), np.zeros(2), np.full(2, 0.5))
     return two if pressure == "two-points" else disc(pressure, points)
 
