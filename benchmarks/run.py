@@ -17,10 +17,12 @@ from . import (
     models,
     parts,
     planner,
+    pushes,
     reach,
     regions,
     rest,
     robust,
+    shapes,
     stability,
     summary,
     swings,
@@ -42,6 +44,8 @@ SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "robust": robust.make,
     "throws": throws.make,
     "calibration": calibration.make,
+    "pushes": pushes.make,
+    "shapes": shapes.make,
 }
 #: Libraries whose versions the report names.
 LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig")

@@ -32,6 +32,7 @@ from .structures import (
     ReleaseC,
     SamplesC,
     SceneC,
+    ShapeC,
     SolidC,
     ThrowC,
     TorquesC,

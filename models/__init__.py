@@ -4,6 +4,7 @@
 scenes, files or solvers.
 """
 
+from .backend import Value
 from .body import (
     Array,
     Body,
@@ -15,7 +16,6 @@ from .body import (
     HandSamples,
     HandTrack,
     Indices,
-    Value,
     com_twist,
     com_wrench,
     contact_twist,
@@ -23,4 +23,5 @@ from .body import (
     pivot_wrench,
     sticking_state,
 )
+from .surface import SHAPES, SurfaceShape
 from .trajectory import MovedHand, Trajectory, low_pass

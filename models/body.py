@@ -14,40 +14,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Protocol
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
+
+from .backend import Value, backend, components
+from .surface import SurfaceShape
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int_]
-#: float, NumPy array of shape (N,), or a scalar CasADi SX/MX expression.
-Value = Any
-
-_NUMPY = SimpleNamespace(
-    sqrt=np.sqrt, sin=np.sin, cos=np.cos, maximum=np.maximum, minimum=np.minimum, where=np.where
-)
-_CASADI = SimpleNamespace(
-    sqrt=ca.sqrt, sin=ca.sin, cos=ca.cos, maximum=ca.fmax, minimum=ca.fmin, where=ca.if_else
-)
-
-
-def backend(*values: Value) -> SimpleNamespace:
-    """Functions that suit `values`: CasADi's if any of them is symbolic, else NumPy's."""
-    for value in values:  # called in every step of a batch: no generator
-        if isinstance(value, ca.SX | ca.MX):
-            return _CASADI
-    return _NUMPY
-
-
-def components(vector: Value) -> tuple[Value, ...]:
-    """Rows of a CasADi column or of an array (rows, ...) as separate values."""
-    if isinstance(vector, ca.SX | ca.MX):
-        return tuple(ca.vertsplit(vector))
-    return tuple(vector)
 
 
 @dataclass(frozen=True)
@@ -73,13 +50,20 @@ class Contact:
     """Pad patch: friction [-], patch_radius r_p [m], torsion c [-], number of faces [-].
 
     The normal force is that of one pad; a bar pinched between two pads has two faces, and
-    both friction limits count each of them.
+    both friction limits count each of them. shape: of the limit surface, None for the ellipsoid
+    (19); the limit-surface stepping, the slip's onset and the use of the grip know it.
     """
 
     friction: Value
     patch_radius: Value
     torsion: Value = 0.6
     faces: Value = 2
+    shape: SurfaceShape | None = None
+
+    @property
+    def numbers(self) -> dict[str, Value]:
+        """friction, patch_radius, torsion and faces by their names: all but the shape."""
+        return {name: value for name, value in vars(self).items() if name != "shape"}
 
     def force_limit(self, normal_force: Value) -> Value:
         """f_max = faces mu f_N [N], the largest tangential force."""
@@ -91,12 +75,26 @@ class Contact:
         return self.torsion * self.patch_radius
 
     def utilisation_squared(
-        self, force_x: Value, force_z: Value, torque: Value, normal_force: Value
+        self,
+        force_x: Value,
+        force_z: Value,
+        torque: Value,
+        normal_force: Value,
+        hand_angle: Value = 0.0,
     ) -> Value:
-        """(|f|/f_max)^2 + (tau/tau_max)^2: below 1 inside the ellipsoidal limit surface (19)."""
+        """Squared share of the friction limit that a wrench uses: below 1 inside the surface.
+
+        (|f|/f_max)^2 + (tau/tau_max)^2 on the ellipsoid (19). hand_angle [rad]: to which another
+        shape is fixed.
+        """
         limit = self.force_limit(normal_force)
         arm = self.torsion_arm
-        return (force_x**2 + force_z**2 + (torque / arm) ** 2) / limit**2
+        if self.shape is None:
+            return (force_x**2 + force_z**2 + (torque / arm) ** 2) / limit**2
+        xp = backend(hand_angle)
+        cos, sin = xp.cos(hand_angle), xp.sin(hand_angle)
+        along, across = cos * force_x + sin * force_z, cos * force_z - sin * force_x
+        return (self.shape.gauge((along, across, torque / arm)) / limit) ** 2
 
     def sliding_wrench(self, twist: Array) -> Array:
         """Gamma(v) = -A^-1 v / sqrt(v^T A^-1 v) of the ellipsoid (19).

@@ -290,8 +290,7 @@ class Scene(Section):
     @functools.cached_property
     def patch(self) -> Contact:
         """The contact of the release models."""
-        contact = self.contact
-        return Contact(contact.friction, contact.patch_radius, contact.torsion, contact.faces)
+        return self.contact.contact
 
     @property
     def flight(self) -> FlightLaw:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..models import Array, Indices
+from ..models import SHAPES, Array, Contact, Indices
 from ..models.release import TableGrip
 from ..models.robot import Arm
 from .arms import load_arm
@@ -32,8 +32,25 @@ from .files import (
     toml_lines,
     toml_tables,
 )
-from .grip import Grasp, ThrownObject, held_object
-from .section import InputError, Section, from_table, meanings, quantity, table_of, unknown, within
+from .grip import (
+    COEFFICIENT_WORDS,
+    SHAPE_WORDS,
+    Grasp,
+    ThrownObject,
+    held_object,
+    surface_shape,
+)
+from .section import (
+    InputError,
+    Section,
+    from_table,
+    meanings,
+    optional,
+    quantity,
+    table_of,
+    unknown,
+    within,
+)
 
 #: Required columns of throws.csv.
 NEEDED = ("throw", "object", "motion", "grip", "command")
@@ -51,8 +68,8 @@ FORMAT = "%.9g"
 class Shared(Section):
     """Properties shared by all throws of a data set.
 
-    Faces and torsion of the pads are not identified. arm is None for motions of the hand;
-    synthetic: origin of synthetic throws, empty for real ones.
+    Faces and torsion of the pads and the shape of their limit surface are not identified. arm is
+    None for motions of the hand; synthetic: origin of synthetic throws, empty for real ones.
     """
 
     landing_height: float = quantity(
@@ -69,6 +86,8 @@ class Shared(Section):
         most=10,
         default=0.6,
     )
+    shape: str | None = optional(SHAPE_WORDS, choices=tuple(SHAPES))
+    coefficients: tuple[float, ...] = quantity(COEFFICIENT_WORDS, default=())
     arm: str | None = quantity(
         "whose joints the motions hold; left out: the hand's x, z, theta", default=None
     )
@@ -79,6 +98,15 @@ class Shared(Section):
     angle_noise: float = quantity(
         "degrees, the same of its angle", degrees=True, above=0, default=math.radians(2.0)
     )
+
+    def check(self) -> None:
+        """The shape of the limit surface is one."""
+        surface_shape(self.shape, self.coefficients)
+
+    def contact(self, friction: Any, patch_radius: Any) -> Contact:
+        """The contact with these unknowns: numbers or arrays (N,)."""
+        shape = surface_shape(self.shape, self.coefficients)
+        return Contact(friction, patch_radius, self.torsion, self.faces, shape)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -50,7 +50,7 @@ class ReleaseCase:
         return np.array(np.broadcast_arrays(*wrench))
 
     def slip_onset(self) -> tuple[float | None, float | None]:
-        """Times [s] at which pivot and slide start on the ellipsoid (19), None for a motion that
+        """Times [s] at which pivot and slide start on the limit surface, None for a motion that
         does not.
 
         Slip starts when the wrench of a sticking body first reaches the surface of the falling grip
@@ -63,7 +63,9 @@ class ReleaseCase:
             f_x, f_z, torque = self.held_wrench(times)
             # The addition is against slip by rounding errors.
             force = self.grip.force(times) + 1e-11 * self.grip.full
-            return np.asarray(self.contact.utilisation_squared(f_x, f_z, torque, force) - 1.0)
+            angle = self.hand.at(times).pose[2]
+            use = self.contact.utilisation_squared(f_x, f_z, torque, force, angle)
+            return np.asarray(use - 1.0)
 
         times = np.linspace(0.0, self.grip.opening, 201)
         above = np.flatnonzero(excess(times) > 0)

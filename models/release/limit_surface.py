@@ -19,15 +19,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..backend import Value, backend, components
 from ..body import (
     Array,
     Body,
     Contact,
     HandSamples,
-    Value,
-    backend,
     com_wrench,
-    components,
     contact_twist,
 )
 from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase
@@ -66,7 +64,7 @@ class ImpulseProblem:
     def sticking(self) -> Iterate:
         """The impulse that leaves no slip; it is the answer where |y| <= R."""
         shift = 0.0 * self.radius
-        y = _solve(self.matrix, shift, self.rhs)
+        y = solve_symmetric(self.matrix, shift, self.rhs)
         return Iterate(shift, y, _size(y))
 
     def moving(self, iterate: Iterate, sticks: Value) -> Value:
@@ -78,12 +76,12 @@ class ImpulseProblem:
         """One Newton iteration of the entries that are `moving`; the others stay."""
         y, norm, shift = iterate.y, iterate.norm, iterate.shift
         xp = backend(*self.matrix, *self.rhs, self.radius)
-        w = _solve(self.matrix, shift, y)
+        w = solve_symmetric(self.matrix, shift, y)
         curvature = y[0] * w[0] + y[1] * w[1] + y[2] * w[2] + 1e-300
         radius = xp.maximum(self.radius, 1e-300)
         step = norm * norm / curvature * (norm - radius) / radius
         shift = xp.where(moving, xp.maximum(shift + step, 0.0), shift)
-        y = _solve(self.matrix, shift, self.rhs)
+        y = solve_symmetric(self.matrix, shift, self.rhs)
         return Iterate(shift, y, _size(y))
 
     def trimmed(self, iterate: Iterate, sticks: Value) -> list[Value]:
@@ -97,7 +95,7 @@ def _size(y: Sequence[Value]) -> Value:
     return backend(*y).sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2 + 1e-300)
 
 
-def _solve(matrix: Sequence[Value], shift: Value, rhs: Sequence[Value]) -> list[Value]:
+def solve_symmetric(matrix: Sequence[Value], shift: Value, rhs: Sequence[Value]) -> list[Value]:
     """x of (K + shift I) x = rhs, K symmetric positive definite, by L D L^T."""
     k_xx, k_zz, k_tt, k_xz, k_xt, k_zt = matrix
     d1 = k_xx + shift
@@ -121,18 +119,25 @@ class LimitSurfaceStepping:
     The state is the CoM's pose and twist in the world: x, z, theta, v_x, v_z, omega. The grip
     force is that in the middle of a step. Slip is measured against the hand at its end, where the
     new velocity is. The lever is taken at its middle, which keeps a sticking body on a turning hand
-    to second order.
+    to second order. turned: whether y is in the hand's axes, in the middle of the step, as surfaces
+    of other shapes need it; the plain ellipsoid is round in the plane.
     """
 
     body: Body
     contact: Contact
     gravity: Value = 9.81
+    turned: bool = False
 
-    @property
-    def _axes(self) -> tuple[Value, Value, Value]:
-        """Half axes of the ellipsoid (19) per newton: the diagonal of S."""
+    def _half_axes(self, hands: Sequence[HandSamples]) -> Sequence[Sequence[Value]]:
+        """Half axes of the ellipsoid (19) per newton, in the world: the columns of S."""
         force = self.contact.friction
-        return force, force, force * self.contact.torsion_arm
+        torque = force * self.contact.torsion_arm
+        if not self.turned:
+            return (force, 0.0, 0.0), (0.0, force, 0.0), (0.0, 0.0, torque)
+        angle = 0.5 * (hands[0].pose[2] + hands[-1].pose[2])
+        xp = backend(angle)
+        cos, sin = force * xp.cos(angle), force * xp.sin(angle)
+        return (cos, sin, 0.0), (-sin, cos, 0.0), (0.0, 0.0, torque)
 
     def lever(self, state: Value, hands: Sequence[HandSamples], dt: Value) -> Lever:
         """CoM seen from the hand in the middle of the step, x_r and z_r [m]."""
@@ -145,16 +150,20 @@ class LimitSurfaceStepping:
         )
 
     def problem(
-        self, state: Value, end: HandSamples, lever: Lever, normal_force: Value, dt: Value
+        self,
+        state: Value,
+        hands: Sequence[HandSamples],
+        lever: Lever,
+        normal_force: Value,
+        dt: Value,
     ) -> ImpulseProblem:
         """The problem whose solution is the contact impulse of one step."""
         _, _, _, v_x, v_z, omega = components(state)
-        hand_x, hand_z, hand_omega = components(end.twist)
-        body, (force, _, torque) = self.body, self._axes
+        hand_x, hand_z, hand_omega = components(hands[-1].twist)
+        body, axes = self.body, self._half_axes(hands)
         slip_x, slip_z, slip = contact_twist(v_x, v_z - dt * self.gravity, omega, *lever)
         b = (slip_x - hand_x, slip_z - hand_z, slip - hand_omega)
         # Rows of G^T S: the CoM twist, times mass, that one unit of y gives.
-        axes = (force, 0.0, 0.0), (0.0, force, 0.0), (0.0, 0.0, torque)
         moved = [com_wrench(f[0], f[1], f[2], *lever) for f in axes]
 
         def entry(i: int, j: int) -> Value:
@@ -164,7 +173,7 @@ class LimitSurfaceStepping:
         pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         return ImpulseProblem(
             [entry(i, j) for i, j in pairs],
-            [-axis * value for axis, value in zip(self._axes, b, strict=True)],
+            [-a[0] * b[0] - a[1] * b[1] - a[2] * b[2] for a in axes],
             self.contact.faces * normal_force * dt,
         )
 
@@ -180,7 +189,8 @@ class LimitSurfaceStepping:
         x, z, theta, v_x, v_z, omega = components(state)
         hand_start, hand_end = components(hands[0].pose), components(hands[-1].pose)
         rates = components(hands[-1].twist)
-        p_x, p_z, p_t = (axis * value for axis, value in zip(self._axes, y, strict=True))
+        one, two, three = self._half_axes(hands)
+        p_x, p_z, p_t = (one[i] * y[0] + two[i] * y[1] + three[i] * y[2] for i in range(3))
         v_x = v_x + p_x / self.body.mass
         v_z = v_z - dt * self.gravity + p_z / self.body.mass
         omega = omega + com_wrench(p_x, p_z, p_t, *lever)[2] / self.body.inertia

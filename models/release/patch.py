@@ -58,6 +58,12 @@ class Patch:
     weights: Array
 
 
+def pad(pressure: str, points: int) -> Patch:
+    """A pad of torsion arm 1: a `disc`, or by 'two-points' one point before and one behind."""
+    two = Patch(np.array([-1.0, 1.0]), np.zeros(2), np.full(2, 0.5))
+    return two if pressure == "two-points" else disc(pressure, points)
+
+
 def disc(pressure: str = "uniform", points: int = 64, torsion_arm: float = 1.0) -> Patch:
     """About `points` points on a disc whose pure torsion is torsion_arm [m] times mu f_N.
 
@@ -235,7 +241,7 @@ class PatchThrows:
 
 @dataclass(frozen=True)
 class PatchRelease:
-    """A patch of about `points` points, under 'uniform' or 'hertz' pressure; first order in steps.
+    """About `points` points, 'uniform', 'hertz' or 'two-points'; first order in steps.
 
     stiffness sigma_0 [1/m]: LuGre bristles on the points, loaded at time 0 so that the body
     rests, with a travel of mu / sigma_0 to full friction; None for rigid points.
@@ -276,7 +282,7 @@ class PatchRelease:
         Throws with a step that was not solved are NaN.
         """
         arm = np.asarray(throws.contact.torsion_arm, float)
-        solver = PointSolver(disc(self.pressure, self.points))
+        solver = PointSolver(pad(self.pressure, self.points))
         hand, state = throws.hand, throws.start
         dt = np.diff(hand.times, axis=0)
         # The hand's displacement in each step beyond that of its twist at the step's end.

@@ -72,10 +72,11 @@ class ReleaseModel:
         return self.batches and self.chunk >= 1000
 
     def with_pressure(self, pressure: str) -> ReleaseModel:
-        """The model with 'uniform' or 'hertz' pressure of the pads; itself without meshed pads."""
-        if pressure != "hertz" or not isinstance(self.model, PatchRelease):
+        """The model with 'uniform' or 'hertz' pressure of the pads, or with 'two-points'; itself
+        without meshed pads."""
+        if pressure == "uniform" or not isinstance(self.model, PatchRelease):
             return self
-        return replace(self, model=replace(self.model, pressure="hertz"))
+        return replace(self, model=replace(self.model, pressure=pressure))
 
 
 #: The model of the NLP.

@@ -17,14 +17,12 @@ from typing import Literal
 
 import numpy as np
 
+from ..backend import Value, backend, components
 from ..body import (
     Array,
     Body,
     Contact,
     HandMotion,
-    Value,
-    backend,
-    components,
     pivot_wrench,
 )
 from .cases import LOST_SLIP, BatchRelease, Release, ReleaseBatch, ReleaseCase

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ...core import library
-from ..body import Array, Value
+from ..backend import Value
+from ..body import Array
 from .kinematics import PlanarArm
 
 

@@ -15,7 +15,8 @@ import casadi as ca
 import numpy as np
 
 from ...core import AXES, FRAMES, LinkageC
-from ..body import Array, Value, backend, components
+from ..backend import Value, backend, components
+from ..body import Array
 from .arm import Arm, LinkInertia
 
 #: Values of a link or a joint.

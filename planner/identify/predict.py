@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, Body, Contact, FlightLaw, HandTrack, Indices, Trajectory
+from ...models import Array, Body, FlightLaw, HandTrack, Indices, Trajectory
 from ...models.release import MODELS, Release, ReleaseBatch, ReleaseCase
 from ...problems import InputError, PadContact, checked
 from ...problems.throws import MeasuredThrow, ThrowData
@@ -114,7 +114,7 @@ class Predictor:
         """One throw by a model with one parameter set (4,), over the whole opening."""
         throw, shared = self.data.throws[row], self.data.shared
         friction, radius, delay, scale = (float(value) for value in one)
-        contact = Contact(friction * scale, radius, shared.torsion, shared.faces)
+        contact = shared.contact(friction * scale, radius)
         hand = self.hands[row].shifted(delay) if delay else self.hands[row]
         body, angle = Body(*_body(throw)), throw.grasp.angle
         case = ReleaseCase(body, contact, throw.grip, hand, shared.gravity, angle)
@@ -154,7 +154,7 @@ class Predictor:
         return ReleaseBatch(
             friction.size,
             Body(*spread([_body(throw) for throw in throws]).T),
-            Contact(friction, radius, shared.torsion, shared.faces),
+            shared.contact(friction, radius),
             throws[0].grip,
             Trajectory.through(times, several, delay),
             spread([throw.grip.opening for throw in throws]),

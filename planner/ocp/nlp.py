@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, Trajectory
+from ...problems import Scene
 from .assembly import Nlp, assemble
 from .problem import ThrowProblem, Weights, variable_bounds
 from .request import Request, opening_nodes
@@ -171,6 +172,17 @@ def _constraints_of(request: Request) -> list[SceneConstraint]:
     return [constraint for kind in TERMS if (constraint := kind.of(request)) is not None]
 
 
+def _sticking_limit(scene: Scene) -> float:
+    """Largest use of the plain ellipsoid by the carried bar.
+
+    The NLP does not know other shapes of the limit surface: it keeps inside the largest plain
+    ellipsoid in them.
+    """
+    limit: float = 1.0 - scene.gripper.sticking_margin
+    shape = scene.patch.shape
+    return limit if shape is None else limit * min(shape.inscribed, 1.0)
+
+
 def _common_values(request: Request) -> dict[str, Any]:
     """Values of the parameters common to all throws."""
     scene, limits, target = request.scene, request.manipulator.planning, request.target
@@ -185,11 +197,11 @@ def _common_values(request: Request) -> dict[str, Any]:
     return {
         **bias,
         **vars(scene.body),
-        **vars(scene.patch),
+        **scene.patch.numbers,
         "gravity": scene.gravity,
         "grasp_angle": scene.grasp.angle,
         "full_grip": profile.full,
-        "sticking_limit": 1.0 - scene.gripper.sticking_margin,
+        "sticking_limit": _sticking_limit(scene),
         "interval": np.diff(nodes),
         "grip_force 0": profile.force(grip_instants(scene.mesh, nodes).ravel()),
         "epsilon": scene.mesh.epsilon,

@@ -171,7 +171,7 @@ def simulate(scene: Scene | str | pathlib.Path, model: str = "all") -> dict[str,
 
 def _simulated(scene: Scene, model: ReleaseModel, case: ReleaseCase) -> Simulation:
     start = time.perf_counter()
-    release = model.with_pressure(scene.contact.pressure).release(case)
+    release = model.with_pressure(scene.contact.points).release(case)
     height = None if scene.target is None else scene.target.z
     land = None if height is None else LandingPoint.of(release, height, FlightLaw(scene.gravity))
     return Simulation(model.name, release, land, time.perf_counter() - start)
@@ -218,7 +218,7 @@ def simulate_batch(
     executor: spreads chunks over its workers; the result does not depend on it.
     Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
     """
-    chosen = named_model(model, BATCH_MODELS).with_pressure(scene.contact.pressure)
+    chosen = named_model(model, BATCH_MODELS).with_pressure(scene.contact.points)
     whole = isinstance(steps, int) and not isinstance(steps, bool)
     if steps is not None and not (whole and 1 <= steps <= MOST_STEPS):
         raise InputError(f"steps = {steps!r}: must be a whole number, 1 to {MOST_STEPS}")
@@ -240,7 +240,7 @@ def _batch(scene: Scene, hand: Mapping[str, Any], **given: Mapping[str, Any]) ->
     profile = scene.gripper.profile()
     usual = {
         "object": asdict(scene.body),
-        "contact": asdict(scene.patch),
+        "contact": scene.patch.numbers,
         "gripper": {"force": profile.full, "opening": profile.opening},
     }
     values = {section: _numbers(section, usual[section], given[section]) for section in usual}
@@ -265,7 +265,8 @@ def _batch(scene: Scene, hand: Mapping[str, Any], **given: Mapping[str, Any]) ->
     }
     opening, force = full["gripper"]["opening"], full["gripper"]["force"]
     _check_cover(hands, opening)
-    body, contact = Body(**full["object"]), Contact(**full["contact"])
+    body = Body(**full["object"])
+    contact = Contact(**full["contact"], shape=scene.patch.shape)
     gravity, angle = scene.gravity, scene.grasp.angle
     return ReleaseBatch(count, body, contact, profile, hands, opening, force, gravity, angle)
 

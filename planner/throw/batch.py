@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
-from ...models import Array, Body, Contact, FlightState, Indices, Trajectory
+from ...models import Array, Body, FlightState, Indices, Trajectory
 from ...models.release import MODELS, STEPPED_SURFACE, BatchRelease, ReleaseBatch, exact_detaches
 from ...problems import Pose, Scene
 from .manipulator import HandError
@@ -153,7 +153,7 @@ class ThrowBatch:
 
     def releases(self, columns: dict[str, Array]) -> ReleaseBatch:
         """The releases; a body whose CoM is behind the pads is turned by half a turn."""
-        scene, contact, friction = self.scene, self.scene.contact, columns["friction"]
+        scene, friction = self.scene, columns["friction"]
         profile = scene.gripper.profile()
         hands = self.hands.shifted(columns["delay"] - self.mean_delay)
         if "hand_omega" in self.names:
@@ -163,7 +163,7 @@ class ThrowBatch:
         return ReleaseBatch(
             count=friction.size,
             body=Body(columns["mass"], columns["inertia"], np.abs(com_offset)),
-            contact=Contact(friction, columns["patch_radius"], contact.torsion, contact.faces),
+            contact=replace(scene.patch, friction=friction, patch_radius=columns["patch_radius"]),
             grip=profile,
             hands=hands,
             opening=columns["opening"],

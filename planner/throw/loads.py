@@ -21,10 +21,11 @@ _dynamics = lru_cache(maxsize=8)(PlanarDynamics)
 
 
 def friction_use(scene: Scene, hand: HandSamples) -> Array:
-    """Use (K,) of the full grip's friction ellipsoid by a held bar; above 1 it slips."""
+    """Use (K,) of the full grip's limit surface by a held bar; above 1 it slips."""
     wrench = held_wrench(scene.body, scene.gravity, hand.motion, scene.grasp.angle)
     full = scene.gripper.profile().full
-    return np.asarray(np.sqrt(scene.patch.utilisation_squared(*wrench, full)))
+    use = scene.patch.utilisation_squared(*wrench, full, hand.pose[2])
+    return np.asarray(np.sqrt(use))
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from ...models.release import (
     compiled_release,
     exact_pivot_release,
     exact_surface_release,
+    shape_for_core,
 )
 from ...problems import Pose, Scene
 from .loads import Torques, core_torques, torques_of
@@ -340,6 +341,7 @@ def core_scene(scene: Scene, hand_error: float) -> SceneC:
         tool_length=-1.0,
         cup_radius=-1.0,
     )
+    found.attach(shape=shape_for_core(patch.shape))
     if column is not None:
         found.column_radius, found.column_height = column
     if arm is not None:

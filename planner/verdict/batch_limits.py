@@ -7,7 +7,7 @@ are measured at these instants only.
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -60,9 +60,11 @@ class _Loads:
     def of(cls, batch: ThrowBatch, flights: BatchFlights) -> _Loads:
         """The bodies of a batch's flights."""
         column, scene = flights.columns, batch.scene
-        pads, full = scene.contact, scene.gripper.profile().full
+        full = scene.gripper.profile().full
         body = Body(column["mass"], column["inertia"], flights.com_offset)
-        contact = Contact(column["friction"], column["patch_radius"], pads.torsion, pads.faces)
+        contact = replace(
+            scene.patch, friction=column["friction"], patch_radius=column["patch_radius"]
+        )
         return cls(body, contact, flights.grasp_angle, full, scene.gravity)
 
     def wrench(self, hand: HandMotion) -> tuple[Array, Array, Array]:
@@ -71,7 +73,9 @@ class _Loads:
 
     def slips(self, hand: HandMotion) -> Flags:
         """Flags (N,) of the bodies that need more than the full grip's friction."""
-        return np.asarray(self.contact.utilisation_squared(*self.wrench(hand), self.full) > 1.0)
+        wrench = self.wrench(hand)
+        use = self.contact.utilisation_squared(*wrench, self.full, hand.theta)
+        return np.asarray(use > 1.0)
 
     def bounds(self, hand: HandSamples) -> tuple[Array, Array, Array, Array]:
         """Bounds at instants (K,): a force f_x, f_z [N], the largest difference of any body's
@@ -117,6 +121,8 @@ class MotionLimits:
         limit = loads.contact.force_limit(loads.full)
         force = (np.hypot(f_x, f_z) + off) / limit.min()
         use = np.hypot(force, torque / (limit * loads.contact.torsion_arm).min())
+        if loads.contact.shape is not None:
+            use = use / loads.contact.shape.inscribed
         until, slips = flights.opened, np.zeros(len(flights.late), bool)
         for k in np.flatnonzero((use > MEASURED_USE) & (hand.times < until.max())).tolist():
             slips |= loads.slips(_instant(hand, k)) & (hand.times[k] < until)

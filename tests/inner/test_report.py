@@ -26,13 +26,14 @@ from benchmarks import (
     measure,
     parts,
     processes,
+    pushes,
 )
 from benchmarks import (
     reference_releases as laws,
 )
 from benchmarks.__main__ import main
 from benchmarks.judge import judge
-from benchmarks.page import parts_of, write_page
+from benchmarks.page import Effort, parts_of, write_page
 from benchmarks.summary import write_summary
 
 ROWS = [
@@ -225,3 +226,19 @@ def test_unknown_sections_and_folders_are_refused(tmp_path, capsys) -> None:
     (tmp_path / "file").write_text("")
     assert main(["--out", str(tmp_path / "file" / "r")]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_the_laws_score_on_real_pushes_as_by_code_written_elsewhere() -> None:
+    """Twists on the whole face [deg], within their intervals; the sliding pivot has 16 to 29."""
+    (table,) = pushes.make(Effort()).tables
+    found = {str(row["law"]): row["patch: twist [°]"] for row in table.rows}
+    for name, elsewhere in {
+        "ellipsoid, arm fitted": 9.3,
+        "convex quartic": 6.6,
+        "Coulomb points, pressure fitted": 6.1,
+        "Coulomb points, pressure of statics": 12.3,
+    }.items():
+        _, low, high = found[name]
+        assert low < elsewhere < high
+    assert 16.0 < found["sliding pivot"][0] < 29.0

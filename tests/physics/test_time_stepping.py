@@ -55,7 +55,7 @@ def test_steps_are_those_of_another_solver_of_the_impulse(name: str) -> None:
         tracks = (case.hand.at(np.array([t])) for t in (begin, end))
         hands = [HandSamples(0.0, *(rows[:, 0] for rows in track)) for track in tracks]
         lever, grip = law.lever(state, hands, end - begin), case.grip.force((begin + end) / 2)
-        problem = law.problem(state, hands[-1], lever, float(grip), end - begin)
+        problem = law.problem(state, hands, lever, float(grip), end - begin)
         xx, zz, tt, xz, xt, zt = problem.matrix
         values, vectors = np.linalg.eigh([[xx, xz, xt], [xz, zz, zt], [xt, zt, tt]])
         rhs = vectors.T @ problem.rhs
