@@ -111,8 +111,8 @@ plt.show()
 """
 ## Three throws
 
-A scene is a prior: its `[contact]` is the mean, its `[uncertainty]` the doubt (40 % of friction and
-of radius, and 10 ms of delay, where it says nothing). `identify` fits friction, radius and delay to
+A scene is a prior: its `[contact]` is the mean, its `[uncertainty]` the doubt (40 % of friction,
+25 % of radius, 10 ms of delay where it says nothing). `identify` fits friction, radius and delay to
 the landings, with the prior held against them.
 """
 
