@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...models import Array
-from ...problems import Distribution, Scene, Uncertainty
+from ...problems import Distribution, PadContact, Scene, Uncertainty
 from ...problems.files import toml_lines
+from ...problems.throws import Shared
 from .predict import BASE, UNKNOWNS, parameter_sets
 
 #: Standard deviations that a scene does not give: relative ones, and the delay's [s]. The radius of
@@ -198,13 +198,18 @@ def _log_normal(value: float, deviation: float) -> tuple[float, ...]:
     return tuple(float(f"{value * share:.6g}") for share in shares)
 
 
-def contact_text(belief: Belief, shared: Mapping[str, Any]) -> str:
-    """The sections [contact] and [uncertainty] for a scene file; shared: keys of [contact] that
-    were not fitted."""
+def contact_text(belief: Belief, shared: PadContact | Shared) -> str:
+    """The sections [contact] and [uncertainty] for a scene file; shared: has the keys of [contact]
+    that were not fitted."""
     known = belief.effective
-    contact = {k: float(f"{known.value(k):.6g}") for k in ("friction", "patch_radius")}
+    contact: dict[str, Any] = {
+        k: float(f"{known.value(k):.6g}") for k in ("friction", "patch_radius")
+    }
+    contact |= {"torsion": shared.torsion, "faces": shared.faces}
+    if shared.shape is not None:
+        contact |= {"shape": shared.shape, "coefficients": list(shared.coefficients)}
     tables = {
-        "contact": contact | dict(shared),
+        "contact": contact,
         "uncertainty": uncertainty_of(belief).table(),
     }
     lines = [

@@ -110,7 +110,7 @@ class Calibrated:
     def text(self) -> str:
         """[calibration] for a scene file; with [contact] and [uncertainty] if they were fitted."""
         fit, contact = self.residuals.fit, self.scene.contact
-        before = "" if fit is None else contact_text(fit, contact.torsion, contact.faces) + "\n"
+        before = "" if fit is None else contact_text(fit, contact) + "\n"
         return f"{before}# From {self.source}.\n{self.section.text}\n"
 
     def save(self, folder: str | Path) -> None:

@@ -199,10 +199,7 @@ def save_identified(found: list[Identified], folder: Path) -> None:
             save(_contact_picture(one), scratch / f"contact-{one.model}.png")
         last, shared = found[-1], found[-1].data.shared
         text = f"# from {len(last.data.throws)} throws of {last.data.name}, by {last.model}\n"
-        fixed: dict[str, Any] = {"torsion": shared.torsion, "faces": shared.faces}
-        if shared.shape is not None:
-            fixed |= {"shape": shared.shape, "coefficients": list(shared.coefficients)}
-        text += contact_text(last.posterior, fixed)
+        text += contact_text(last.posterior, shared)
         (scratch / "contact.toml").write_text(text, encoding="utf-8")
         write_json(scratch / "identify.json", [one.to_dict() for one in found])
 

@@ -167,9 +167,8 @@ def test_the_contact_file_is_part_of_a_scene(name: str, tmp_path) -> None:
     belief = BELIEFS[name]
     text = re.sub(r"\[contact\].*?(?=\n\[)", "", scene_text("pose"), flags=re.S)
     file = tmp_path / "pasted.toml"
-    file.write_text(
-        text + "\n" + contact_text(belief, {"torsion": 0.6, "faces": 2}), encoding="utf-8"
-    )
+    known = load_scene("pose").contact
+    file.write_text(text + "\n" + contact_text(belief, known), encoding="utf-8")
     scene = load_scene(file)
     assert scene.contact.friction == pytest.approx(0.9)
     assert scene.mean_delay == pytest.approx(0.004 if name == "narrow" else 0.0)
