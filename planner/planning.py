@@ -24,10 +24,10 @@ from .search import (
 
 #: Name of the limit that binds if no sampled release lands at the target's height.
 HEIGHT = "landing height"
-#: Throws among which one like the throws of [calibration] is looked for.
-OTHERS = 4
 #: Name of the limit that binds if the bar at the target is inside the base column.
 COLUMN = "base column"
+#: Throws among which one like the throws of [calibration] is looked for.
+OTHERS = 4
 
 
 def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = None) -> Plan:
@@ -46,19 +46,20 @@ def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = N
     search.remember(history)
     if not history.found:
         return _failed_plan(search, history)
-    return _plan_like_measured(context, task, solved_plan(search, history))
+    return _plan_like_measured(search, history, solved_plan(search, history))
 
 
-def _plan_like_measured(context: SearchContext, task: Task, plan: Plan) -> Plan:
+def _plan_like_measured(search: Search, history: History, plan: Plan) -> Plan:
     """Of several throws to the target, one at speeds that [calibration] knows.
 
     The plan itself if it is one, if object, grip or prediction have changed, if none is found in
     the task's time, and if the task wants several throws anyway.
     """
-    claim = plan.calibrated
+    claim, task = plan.calibrated, search.task
     if claim is None or claim.setup or not claim.speeds or task.wanted > 1:
         return plan
-    several = plan_throw(context, replace(task, wanted=OTHERS))
+    search = replace(search, task=replace(task, wanted=OTHERS))
+    several = solved_plan(search, find_throws(search, (*FROM_THROWS, *FROM_NOTHING), history))
     for other in (several, *several.alternatives):
         if other.calibrated is not None and other.calibrated.holds:
             return replace(other, alternatives=())

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from ..models import Array, Flags, Indices
+from ..models import Array, Flags, FlightLaw, Indices
 from ..problems import InputError, Pose, Scene
 from .ocp import Refinement, Request
 from .planning import solved_plan
@@ -156,7 +156,8 @@ def _moved(search: Search, indices: Indices, aims: Sequence[Pose]) -> tuple[Arra
     """States at detach (N, 6) of releases, moved so that they land at their aims, and where."""
     task, releases = search.task, search.arriving.releases
     detach = releases.detach[indices].copy()
-    landing = task.scene.flight.land(detach, task.target.z)
+    # These flights begin as at the pads: without the bias of [calibration].
+    landing = FlightLaw(task.scene.gravity).land(detach, task.target.z)
     goals = [
         goal.nearest(float(x), float(theta)).middle
         for goal, (x, theta, _) in zip(aims, landing, strict=True)

@@ -152,7 +152,8 @@ class CellSolver:
 
     def _approached(self, cell: Cell, near: Neighbour, task: Task) -> CellResult:
         """The throw brought to the cell, or as near to it as limits let it."""
-        *_, last = approach_goal(self.corrector, Approach(near.goal, near, light=True), task)
+        step = Approach(near.goal, near, near.distance, light=True)
+        *_, last = approach_goal(self.corrector, step, task)
         if not last.is_edge or last.throw is None or last.edge is None:
             return CellResult(cell, self._known(last, task))
         names = last.edge.names

@@ -233,7 +233,7 @@ class LibraryBuilder:
             self._late_seeds = self._unsolved_hits()
         while self._late_seeds:
             cell = self._late_seeds.pop()
-            if cell not in self._solved:
+            if cell not in self._solved and cell not in self._running:
                 return self._task(cell, cell)
         return None
 
@@ -260,12 +260,13 @@ class LibraryBuilder:
 
     def _is_at_edge(self, cell: Cell) -> bool:
         """Whether a cell is to be approached; not where one beside it is, or is proven beyond."""
-        if cell in self._solved or self._tries.get(cell, 0) == SETTINGS.edge_tries:
+        is_tried = self._tries.get(cell, 0) == SETTINGS.edge_tries
+        if is_tried or cell in self._solved or cell in self._running:
             return False
         i, j = cell
         around = set(itertools.product((i - 1, i, i + 1), (j - 1, j, j + 1)))
-        is_tried = (0 < self._tries.get(one, 0) < SETTINGS.edge_tries for one in around - {cell})
-        return self._beyond.isdisjoint(around) and not any(is_tried)
+        begun = (0 < self._tries.get(one, 0) < SETTINGS.edge_tries for one in around - {cell})
+        return self._beyond.isdisjoint(around) and not any(begun)
 
     def _releases_near(self, cell: Cell) -> Releases:
         """The sampled releases that land nearest to a cell's middle."""
@@ -313,10 +314,9 @@ class LibraryBuilder:
         goal, short = self._cells.middle(cell, self._target), self._short.setdefault(cell, [])
         near = Neighbour.of(boundary, goal, self._solver.problems.scene)
         short.append((near.distance, boundary))
-        short.sort(key=itemgetter(0))
-        if are_equal([away for away, _ in short]):
+        if are_equal(away for away, _ in short):
             self._beyond.add(cell)
-            self._record(cell, short[0][1], boundary=True)
+            self._record(cell, min(short, key=itemgetter(0))[1], boundary=True)
 
     def _wait_for(self, cell: Cell, source: Cell, effort: float) -> None:
         """Puts a cell that has no throw into the queue."""

@@ -7,6 +7,7 @@ landing is called the nearest possible only if the throw breaks nothing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -30,8 +31,10 @@ TRIES = 4
 #: Price [1/m] of an elastic landing's pose error. The effort rises steeply at the edge of the
 #: reach: with a tenth of this price landings end up to 11 mm short of it.
 PRICE = 1000.0
-#: Price [1/m] where the throw lands `FAR` [m] off the goal or farther: it is found sooner.
-FAR_PRICE, FAR = 100.0, 0.2
+#: Price [1/m] from a throw that lands `FAR` or farther off the goal: it is found sooner.
+FAR_PRICE = 100.0
+#: Distance [m] of such a throw's landing.
+FAR = 0.2
 #: Margin [m] to rim and wall of a cup, beyond its clearance.
 ELASTIC_CUP_MARGIN = 2e-4
 
@@ -43,12 +46,10 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
     """
     problems, sound, goal, source = corrector.problems, True, step.goal, step.source
     if isinstance(source, Neighbour):
-        away = source.distance
         throw = throw_of(corrector.controls, problems.manipulator, source.optimum, task)
         guess, refinement = _guess(throw, task), throw.refinement
     else:
         guess, refinement = source.guess, source.refinement
-        away = goal.distance(source.goal, task.scene.object.half_length)
         if source.goal != goal:
             made = attempts(problems, source, task.aimed_at(source.goal))
             if task.contains(source.goal) and made[-1].solved:
@@ -62,7 +63,7 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
     if task.scene.cup is not None:
         margins = refinement.margins.replace(cup=ELASTIC_CUP_MARGIN - CUP_MARGIN)
         refinement = Refinement(refinement.lazy | {"flight"}, margins, refinement.bodies)
-    price = PRICE if away < FAR else FAR_PRICE
+    price = FAR_PRICE if FAR <= step.away < math.inf else PRICE
     for _ in range(ROUNDS):
         start = Start(goal, guess, "fatrop", refinement, elastic=price)
         *_, near = attempts(problems, start, task)
@@ -80,7 +81,7 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
         after, is_costly = near.after, near.after.costly or near.after.bodies
         if near.throw is None or after == refinement or task.clock.late:
             return
-        is_far = near.edge is not None and near.edge.missed > step.most
+        is_far = near.edge is not None and near.edge.missed > min(step.away, step.most)
         if is_far or (step.light and is_costly):
             return
         # Again from the throw that this round began with.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -48,11 +48,10 @@ class SearchSettings:
 SETTINGS = SearchSettings()
 
 
-def are_equal(missed: Sequence[float]) -> bool:
-    """Whether the least of rising distances [m] to a target agree, as evidence that it is out of
-    reach."""
-    number = SETTINGS.equal_landings
-    return len(missed) >= number and missed[number - 1] <= SETTINGS.equal_ratio * missed[0]
+def are_equal(missed: Iterable[float]) -> bool:
+    """Whether the least distances [m] to a target agree, as evidence that it is out of reach."""
+    least, number = sorted(missed), SETTINGS.equal_landings
+    return len(least) >= number and least[number - 1] <= SETTINGS.equal_ratio * least[0]
 
 
 @dataclass(frozen=True, eq=False)

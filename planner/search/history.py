@@ -44,13 +44,15 @@ class Solve:
 class Approach:
     """Bring a throw that lands beside the goal as near to it as limits let it.
 
-    source: a solved throw, or a start that has its own landing for a goal. found: the throw is of
-    an earlier plan. light: end before an NLP with costly constraints, or with clearances of further
-    bodies. most [m]: end where limits let it come no nearer than this pose error.
+    source: a solved throw, or a start that has its own landing for a goal; away [m]: how far off
+    the goal it lands, inf if it breaks something there. found: the throw is of an earlier plan.
+    light: end before an NLP with costly constraints, or with clearances of further bodies. most
+    [m]: end where limits let it come no nearer than this pose error.
     """
 
     goal: Pose
     source: Start | Neighbour
+    away: float
     found: bool = False
     light: bool = False
     most: float = math.inf

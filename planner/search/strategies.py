@@ -92,8 +92,7 @@ class Search:
     def limited(self, step: Try, history: History) -> Try:
         """A try that ends early where it leads to no cheaper throw into a region, or no nearer."""
         if isinstance(step, Approach) and history.edges:
-            most = SETTINGS.hopeless * history.edges[0].missed
-            return replace(step, most=min(step.most, most))
+            return replace(step, most=SETTINGS.hopeless * history.edges[0].missed)
         is_compared = self.task.target.is_region and self.task.wanted == 1 and history.found
         if not isinstance(step, Solve) or not is_compared:
             return step
@@ -131,13 +130,13 @@ class Search:
         others = list[Approach]()
         if len(task.solvers) > 1:
             for near in self._nearest(context.found, SETTINGS.approaches, math.inf):
-                others.append(Approach(near.goal, near, found=True, most=near.distance))
+                others.append(Approach(near.goal, near, near.distance, found=True))
         candidates = self.arriving
         for index, goal, pose in candidates.judged:
             start = release_start(context.problems, task, candidates.releases, index, goal)
             far = goal.distance(pose, task.scene.object.half_length) or math.inf
-            others.append(Approach(goal, replace(start, goal=pose, again=True), most=far))
-        others.sort(key=attrgetter("most"))
+            others.append(Approach(goal, replace(start, goal=pose, again=True), far))
+        others.sort(key=attrgetter("away"))
         return [*others, *self.stored] if self.blocked else [*self.stored, *others]
 
     @cached_property
@@ -152,8 +151,7 @@ class Search:
         boundary = library.nearest_of_boundary(task.target, task.turns, 1)
         others = self._nearest(library, SETTINGS.approaches, math.inf)
         return [
-            Approach(near.goal, near, light=True, most=near.distance)
-            for near in (*boundary, *others)
+            Approach(near.goal, near, near.distance, light=True) for near in (*boundary, *others)
         ]
 
     @cached_property
@@ -167,8 +165,8 @@ class Search:
         The nearest landings are equal and, without a library, not close (`SearchSettings`).
         Landings from throws of earlier plans do not count, since these may be alike; but one new
         start that leads no nearer is enough beyond a target for which all starts ended there, and
-        where the library's nearest throw lands as near. No throw of the library, nor a sampled one
-        that clears column and hand, lands nearer to the target.
+        where the nearest throw of the library, or of its proven boundary, lands as near. No throw
+        of the library, nor a sampled one that clears column and hand, lands nearer to the target.
         """
         task, new, library = self.task, history.new_edges, self.context.library
         if not new:
@@ -178,7 +176,7 @@ class Search:
         least = history.edges[0].missed
         if not self._is_known(history.edges[0].edge):
             is_close = least < SETTINGS.close_distance and not len(library)
-            if is_close or not are_equal(sorted([one.missed for one in new] + known)):
+            if is_close or not are_equal([one.missed for one in new] + known):
                 return False
         clear = self.candidates.releases.clear
         known += [away for index, _, away in self.candidates.nearest if clear[index]]
