@@ -24,6 +24,7 @@ from .planner.throw import Throw as SentThrow
 from .problems import (
     Calibration,
     Choice,
+    Cost,
     Cup,
     Distribution,
     Grasp,
@@ -64,6 +65,7 @@ __all__ = [
     "Calibration",
     "Choice",
     "Contact",
+    "Cost",
     "Cup",
     "Distribution",
     "Grasp",

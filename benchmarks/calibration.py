@@ -8,6 +8,7 @@ plans by its scene, sees where the throws land, and calibrates.
 from __future__ import annotations
 
 import csv
+import dataclasses
 import math
 import tempfile
 from collections.abc import Sequence
@@ -16,12 +17,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from throwplan import Calibrated, Plan, Planner, Pose, Response, Scene, calibrate, load_scene
+from throwplan import (
+    Calibrated,
+    Gripper,
+    Plan,
+    Planner,
+    Pose,
+    Response,
+    Scene,
+    calibrate,
+    load_scene,
+)
 from throwplan.models import Array, Body, Contact, Flags, FlightLaw, Indices, Trajectory
 from throwplan.models.release import ReleaseBatch
 from throwplan.models.release.patch import PatchRelease
 from throwplan.planner.identify import conformal_region
 from throwplan.planner.show import BLUE, GREY, ORANGE, Row, Table
+from throwplan.planner.validation import SynthesisConfig, make_throws
 
 from .page import Effort, Picture, ReportSection, panels
 
@@ -48,6 +60,10 @@ JITTER, NOISE = 0.003, (0.001, math.radians(0.5))
 FACTOR, LAG = 1.25, (0.002, 0.020)
 #: Steps of the patch over the opening, at most 0.1 mm from those of 8 times as many.
 STEPS = 500
+#: Data sets of recordings to which friction is fitted, too, and throws of each.
+FITTED, RECORDED = (1, 24), 10
+#: Grip [N, s] of the recordings; contact that the grip holds in all of them: friction, radius [m].
+GRIP, HELD = Gripper(force=220.0, dwell=0.05, opening=0.06), (0.8, 0.0031)
 #: Bias in scatters from which aiming by it must halve the error.
 LARGE = 3.0
 
@@ -103,21 +119,27 @@ class Truth:
 
 def make(effort: Effort) -> ReportSection:
     """Regions of three numbers of throws, then plans by those of one."""
-    count, scene = effort.of(*SETS), load_scene("pose")
-    rng, step = np.random.default_rng(SEED), effort.counter(count)
+    count, fits, scene = effort.of(*SETS), effort.of(*FITTED), load_scene("pose")
+    rng, step = np.random.default_rng(SEED), effort.counter(count + fits)
     rows = list[Row]()
     with tempfile.TemporaryDirectory() as name:
         bench = Bench.made(scene, rng, Path(name))
         for number in range(1, count + 1):
             rows.append({"set": number} | bench.set_row(rng))
             step()
+    fitted = list[Row]()
+    for number in range(1, fits + 1):
+        fitted.append({"set": number} | _fitted_row(number))
+        step()
     table = Table("calibration-sets", "Data sets with hidden truths: regions, errors", rows)
+    words = "Recordings to which friction and radius were fitted, too: new throws inside"
+    others = Table("calibration-fitted", words, fitted)
     caption = "Median error of the new plans of each data set, aimed with the bias and without."
     return ReportSection(
         "calibration",
         "Calibrated by measured throws",
-        _figures(table),
-        [table, _summary(table)],
+        [*_figures(table), _fitted_words(others)],
+        [table, others, _summary(table)],
         [Picture("calibration", caption, _picture(table))],
     )
 
@@ -206,6 +228,43 @@ class Bench:
             "error with bias [mm]": float(np.median(errors[0])),
             "error without [mm]": float(np.median(errors[1])),
         }
+
+
+def _fitted_row(seed: int) -> Row:
+    """Synthetic recordings of another contact than the scene's; some calibrate and fit.
+
+    How many of the others land inside, by residuals of fits to the others and by those of one fit.
+    """
+    rng, scene = np.random.default_rng(seed), load_scene("pose")
+    friction, radius = (float(v) for v in HELD * FACTOR ** rng.uniform(0.0, 1.0, 2))
+    making = SynthesisConfig(friction=friction, patch_radius=radius, repeats=3, seed=seed)
+    data, _ = make_throws(making)
+    order = rng.permutation([i for i, t in enumerate(data.throws) if t.factors["com"] == "com1"])
+    used, new = (data.picked(part.tolist()) for part in np.split(order, [RECORDED]))
+    contact = dataclasses.replace(scene.contact, friction=HELD[0], patch_radius=HELD[1])
+    found = calibrate(used, scene.replace(gripper=GRIP, contact=contact), LEVEL, fit=True)
+    plain = found.scene.replace(calibration=None)
+    off, own = (calibrate(one, plain, LEVEL).residuals.landing for one in (new, used))
+    row: Row = {"friction": friction, "patch_radius [mm]": 1e3 * radius, "new throws": len(off)}
+    for name, known in (("inside", found.residuals.landing), ("inside, same fit", own)):
+        half = conformal_region(known, LEVEL)
+        row[name] = int((np.abs(off - known.mean(axis=0)) <= half).all(axis=1).sum())
+    return row
+
+
+def _fitted_words(table: Table) -> str:
+    """Coverage where friction was fitted."""
+    inside, same, new = (
+        _column(table, name) for name in ("inside", "inside, same fit", "new throws")
+    )
+    shares = inside / new
+    error = shares.std(ddof=1) / math.sqrt(len(new)) if len(new) > 1 else math.nan
+    return (
+        f"With friction and radius fitted to {RECORDED} recordings, in {len(new)} data sets: each "
+        f"predicted by the fit to the others, {100 * shares.mean():.1f} % of new throws land "
+        f"inside (standard error {100 * error:.1f} %); predicted by the fit to all "
+        f"{100 * same.sum() / new.sum():.1f} %."
+    )
 
 
 def _place(scene: Scene, rng: np.random.Generator) -> Pose:

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
-from ..problems import InputError, Pose, Robust, Scene, as_scene, checked
+from ..problems import Cost, InputError, Pose, Robust, Scene, as_scene, checked
 from .clearance import check_obstacles
 from .follow import Response, Session
 from .interception import intercept
@@ -213,7 +213,7 @@ class Planner:
             if workers is None and scheduler is None:
                 workers = default_workers(throws)
             with executor_of(workers, scheduler) as executor:
-                grow(self.problems, releases, library, throws, executor, progress)
+                grow(self._plain_problems, releases, library, throws, executor, progress)
         finally:
             self.library.merge()
         return len(self.library)
@@ -251,6 +251,14 @@ class Planner:
         """The context of throws from a state of motion, which have NLPs of their own."""
         problems = NlpCache(self.problems.scene, self.manipulator)
         return dataclasses.replace(self._context, problems=problems)
+
+    @functools.cached_property
+    def _plain_problems(self) -> NlpCache:
+        """The NLPs of the library's throws, whose weights are the usual ones."""
+        scene = self.problems.scene
+        if scene.weights == Cost():
+            return self.problems
+        return NlpCache(scene.changed(cost=None, choice=None), self.manipulator)
 
     def _method(self, robust: str | None) -> str:
         """The robust method of a plan; empty for a plain plan."""

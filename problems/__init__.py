@@ -13,5 +13,5 @@ from .poses import Pose, Region, ThrowPlane
 from .scene import Mesh, Scene
 from .scene_files import as_scene, load_scene, scene_from_table, scene_names, scene_text
 from .section import InputError, ThrowplanError, checked
-from .targets import Choice, Cup, Landing, Obstacle, Rest, Tolerance, Workspace
+from .targets import Choice, Cost, Cup, Landing, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import Distribution, Robust, Uncertainty

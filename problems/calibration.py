@@ -6,9 +6,10 @@ import dataclasses
 import math
 from typing import Any, ClassVar
 
+from ..models import SHAPES
 from ..models.release import DECIDING
 from .files import toml_lines
-from .section import InputError, Section, meanings, quantity, table_of
+from .section import InputError, Section, meanings, optional, quantity, table_of
 
 
 def rank_of(throws: int, level: float) -> int:
@@ -31,7 +32,8 @@ class Calibration(Section):
     writes them. A plan's landings include the bias, so that it aims beside the target and the
     object lands on it.
 
-    The region holds for throws like the measured ones: `mass` to `model` say what these were.
+    The region holds for throws like the measured ones: `mass` to `coefficients` say what these
+    were.
     """
 
     #: Limits of a level.
@@ -60,6 +62,10 @@ class Calibration(Section):
     friction: float = quantity("μ of the prediction", above=0)
     patch_radius: float = quantity("m, of the prediction", above=0)
     model: str = quantity("release model of the prediction", choices=DECIDING)
+    torsion: float = quantity("c, of the prediction", above=0, default=0.6)
+    faces: int = quantity("of the prediction", least=1, default=2)
+    shape: str | None = optional("of the prediction's limit surface", choices=tuple(SHAPES))
+    coefficients: tuple[float, ...] = quantity("of this shape", default=())
     fitted: bool = quantity(
         "friction and radius were fitted to these throws, for each residual to the others",
         default=False,

@@ -32,7 +32,7 @@ from .section import (
     unit_of,
     within,
 )
-from .targets import Choice, Cup, Landing, Obstacle, Rest, Tolerance, Workspace
+from .targets import Choice, Cost, Cup, Landing, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
 #: Poses along each range of a region at which a bar may be in the cup: odd, with the middle.
@@ -88,6 +88,7 @@ class Scene(Section):
     motion: Motion | None = None
     target: Pose | None = None
     tolerance: Tolerance = dataclasses.field(default_factory=Tolerance)
+    cost: Cost | None = None
     choice: Choice | None = None
     cup: Cup | None = None
     landing: Landing | None = None
@@ -110,6 +111,13 @@ class Scene(Section):
         if target is not None:
             words += f", to {target.words}"
         return f"{words})"
+
+    @property
+    def weights(self) -> Cost:
+        """The weights in the optimisation: [cost], else those for little time if that is chosen."""
+        if self.cost is None and self.choice is not None and self.choice.by == "time":
+            return Cost().fast
+        return self.cost or Cost()
 
     def check(self) -> None:
         """Conditions between sections."""

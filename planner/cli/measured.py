@@ -17,20 +17,26 @@ from ...problems.throws import THROW_DATA_FILES, ThrowData, load_throws, write_t
 from ..identify import (
     CALIBRATE_FILES,
     IDENTIFY_FILES,
-    PAPER_MODELS,
-    VALIDATION_FILES,
-    as_dict,
-    as_text,
     calibrate,
     check_model,
     identify,
     one_surface,
     save_identified,
-    save_validation,
     summary_of,
+)
+from ..validation import (
+    BARS,
+    PAPER_MODELS,
+    VALIDATION_FILES,
+    Flown,
+    Noise,
+    SynthesisConfig,
+    as_dict,
+    as_text,
+    make_throws,
+    save_validation,
     validate,
 )
-from ..identify.synthetic import BARS, Flown, Noise, SynthesisConfig, make_throws
 from .common import (
     DONE,
     Add,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...models.release import BATCH_MODELS, MODELS
-from ...problems import InputError, Robust, load_scene, scene_names, scene_text
+from ...problems import Cost, InputError, Robust, load_scene, scene_names, scene_text
 from ...problems.files import copy_out, filling, write_json
 from ..planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner
 from ..reach import MAP_FILES, MOST, check_map, reach_map
@@ -83,6 +83,8 @@ def plan_arguments(add: Add) -> None:
     add("--solver", choices=("auto", "fatrop", "ipopt"), default="auto", help=words)
     words = "plan against the scene's [uncertainty] (default: an opening 10 ms early or late)"
     add("--robust", choices=Robust.METHODS, help=words)
+    words = f"in little time: [cost] time = {Cost.FAST:g} or more"
+    add("--fast", action="store_true", help=words)
     words = "also list up to N different throws to the target"
     kind = integer(0, MOST_ALTERNATIVES)
     add("--alternatives", type=kind, metavar="N", default=0, help=words)
@@ -96,6 +98,8 @@ def plan(options: argparse.Namespace) -> int:
     example: throwplan plan cup --target 0.92 0.22 -90 --out out/cup
     """
     scene = load_scene(options.scene)
+    if options.fast:
+        scene = scene.replace(cost=scene.weights.fast)
     target, alternatives = target_of(scene, options), options.alternatives
     with Progress(f"{scene.name}: building the problem"):
         planner = Planner(scene)

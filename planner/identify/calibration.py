@@ -16,9 +16,9 @@ from ...problems.files import filling, write_json
 from ...problems.throws import ThrowData, load_throws
 from ..show import BLUE, GREEN, GREY, RED, new_figure, save
 from ..verdict import region_words
+from ..workers import Progress
 from .belief import applied, contact_text
 from .conformal import region
-from .predict import Progress
 from .residuals import Residuals, planned_residuals, recorded_residuals
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def _section(found: Residuals, scene: Scene, level: float) -> Calibration:
     mean, error = found.landing.mean(axis=0), _mean_error(found.landing, level)
     x, theta = np.column_stack([mean - error, mean + error]).tolist()
     speed, rate = np.column_stack([found.twist.min(axis=0), found.twist.max(axis=0)]).tolist()
-    grip = scene.gripper.profile()
+    grip, contact = scene.gripper.profile(), scene.contact
     return Calibration(
         throws=len(found.names),
         level=level,
@@ -180,9 +180,13 @@ def _section(found: Residuals, scene: Scene, level: float) -> Calibration:
         com=scene.object.com,
         force=grip.full,
         opening=grip.opening,
-        friction=scene.contact.friction,
-        patch_radius=scene.contact.patch_radius,
+        friction=contact.friction,
+        patch_radius=contact.patch_radius,
         model=scene.tolerance.model,
+        torsion=contact.torsion,
+        faces=contact.faces,
+        shape=contact.shape,
+        coefficients=contact.coefficients,
         fitted=found.fit is not None,
     )
 

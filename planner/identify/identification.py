@@ -15,10 +15,11 @@ from ...problems import InputError, Scene
 from ...problems.files import filling, write_json
 from ...problems.throws import ThrowData
 from ..show import BLUE, GREEN, GREY, new_figure, save
+from ..workers import Progress
 from .belief import Belief, applied, contact_text, prior_of
 from .fit import FitProblem
 from .measured import SURFACE, batch_surface
-from .predict import MISSED, UNKNOWNS, Predictor, Progress, check_model
+from .predict import MISSED, UNKNOWNS, Predictor, check_model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

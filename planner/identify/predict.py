@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -17,10 +17,9 @@ from ...problems import InputError, PadContact, checked
 from ...problems.throws import MeasuredThrow, ThrowData
 from ..simulation import named_model, recorded_joints
 from ..throw import TICK
+from ..workers import Progress
 from .measured import Landings, measured
 
-#: progress(done, total) counts throws.
-Progress = Callable[[int, int], None]
 #: Values of friction (F,) and patch_radius (R,) [m].
 Axes = tuple[Array, Array]
 

@@ -14,9 +14,10 @@ from ...problems.files import csv_lines, table_number
 from ...problems.throws import ThrowData
 from ..result import read_plan
 from ..throw import Throw
+from ..workers import Progress
 from .belief import Belief
 from .identification import identify
-from .predict import Predictor, Progress, parameter_sets
+from .predict import Predictor, parameter_sets
 
 #: Columns of a CSV file of plans and the landings of their throws.
 COLUMNS = ("plan", "x", "theta")
@@ -56,9 +57,18 @@ def recorded_residuals(
 ) -> Residuals:
     """Of a data set with recordings, by the scene's model and contact.
 
-    fit: by a contact fitted to the other throws. InputError for another object or grip force than
-    the scene's.
+    fit: by a contact fitted to the other throws. InputError for another object, grip force or shape
+    of the contact than the scene's.
     """
+    for key in ("torsion", "faces", "shape", "coefficients"):
+        there, here = getattr(data.shared, key), getattr(scene.contact, key)
+        if there != here:
+            have, want = (
+                "left out" if value in (None, ()) else f"{value}" for value in (there, here)
+            )
+            raise InputError(
+                f"{data.name}: {key} is {have}, must be as [contact] {key} of the scene: {want}"
+            )
     for throw in data.throws:
         _check_object(throw.name, throw.object.mass, throw.object.com, scene)
         _check_force(throw.name, throw.grip.full, scene)

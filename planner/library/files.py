@@ -29,8 +29,8 @@ FORMAT = 5
 def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     """The folder of a scene's library with records of this kind; None without a cache folder.
 
-    The target's place, [choice], [robust], [rest] and [calibration], and obstacles do not enter the
-    name: throws of one library serve any of them.
+    The target's place, [cost], [choice], [robust], [rest] and [calibration], and obstacles do not
+    enter the name: throws of one library serve any of them.
     """
     cache = cache_folder()
     if cache is None:
@@ -39,12 +39,12 @@ def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     assert target is not None
     anywhere = Pose(1.0, target.z, theta=None if target.theta is None else 0.0)
     like = scene.aimed_at(anywhere).changed(
-        name="", description="", file="", choice=None, robust=None, obstacle=()
+        name="", description="", file="", cost=None, choice=None, robust=None, obstacle=()
     )
     if like.cup is not None:
         # A cup that was moved and moved back may differ in the last digit.
         like = like.changed(cup=like.cup.changed(x=round(like.cup.x, 9)))
-    apart = ("rest", "calibration")
+    apart = ("cost", "rest", "calibration")
     names = [field.name for field in dataclasses.fields(like) if field.name not in apart]
     sections = [repr(getattr(like, name)) for name in names]
     return cache / f"throws-{digest(f'throws {FORMAT}', repr(kind.descr), *sections)}"

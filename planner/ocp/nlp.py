@@ -213,7 +213,7 @@ def _common_values(request: Request) -> dict[str, Any]:
         "jerk_max": limits.jerk,
         "q_mid": (limits.q_min + limits.q_max) / 2,
         "q_half": (limits.q_max - limits.q_min) / 2,
-        "weights": Weights(),
+        "weights": Weights.of(scene),
         "braking": BRAKE_SHARE * limits.ddq,
         "ahead": scene.object.length - scene.object.com,
         "behind": scene.object.com,

@@ -6,8 +6,9 @@ Phases      carry        full grip, the object sticks      T, free, in equal int
             early, late  window around the opening         fixed length, robust plans only
 States      q, dq, ddq (not where c is acceleration); T; rel: slip, angle in the pads, their rates
 Controls    c: jerk or acceleration, constant in an interval; t_f at detach
-Minimise    2 T + integral of 10 sum (ddq / ddq_max)^2 + sum (jerk / jerk_max)^2 dt to the last node
-            (limits less margins); price of an elastic landing's miss; costs of a robust method
+Minimise    w_T T + integral of w_a sum (ddq / ddq_max)^2 + w_j sum (jerk / jerk_max)^2 dt to the
+            last node, with weights of [cost], and limits less margins; price of an elastic
+            landing's miss; costs of a robust method
 Subject to  bounds of states and controls                          variable_bounds
             start at rest, or in a given motion; q free or given   initial_state
             dynamics of q; rel' = sliding pivot(rel, hand, grip)   dynamics
@@ -24,6 +25,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
+from ...problems import Scene
 from .request import Request
 from .scene_constraint import Brake, Flight, Instant, SceneConstraint, gripped_instants
 from .stages import DDQ, DQ, JERK_UNIT, PLACE, REL, SLACKS, T_F, Block, Q, Stage, T
@@ -38,9 +40,15 @@ FLIGHT_MAX = 3.0
 class Weights(NamedTuple):
     """Prices of the squared relative acceleration and jerk, and of the carry's time [1/s]."""
 
-    acceleration: Any = 10.0
-    jerk: Any = 1.0
-    carry_time: Any = 2.0
+    acceleration: Any
+    jerk: Any
+    carry_time: Any
+
+    @classmethod
+    def of(cls, scene: Scene) -> Weights:
+        """Those of the scene's [cost]."""
+        cost = scene.weights
+        return cls(cost.acceleration, cost.jerk, cost.time)
 
 
 def variable_bounds(request: Request) -> dict[str, tuple[Any, Any]]:
@@ -122,7 +130,7 @@ class ThrowProblem:
 
     def objective(self, interval: Interval) -> None:
         """The effort of the interval, and in the first one the price of the carry's time."""
-        ocp, weights = self.ocp, Weights(*ca.vertsplit(interval.p("weights", len(Weights()))))
+        ocp, weights = self.ocp, Weights(*ca.vertsplit(interval.p("weights", len(Weights._fields))))
         first, last = (interval.at(t)[2] / ocp.each("ddq_max") for t in (ca.SX(0), interval.dt))
         jerk = ca.SX.zeros(ocp.n)
         if ocp.structure.jerk_control:

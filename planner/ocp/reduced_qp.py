@@ -102,7 +102,8 @@ class ReducedVariables:
     def effort(self, motion: Trajectory) -> float:
         """The NLP's cost of a motion: relative acceleration and jerk squared, and the carry's
         time."""
-        limits, breaks, weights = self.request.manipulator.planning, motion.breaks, Weights()
+        limits, breaks = self.request.manipulator.planning, motion.breaks
+        weights = Weights.of(self.request.scene)
         ddq, jerk, lengths = motion.starts(2), motion.starts(3), breaks[1:] - breaks[:-1]
         first, last = ddq / limits.ddq, (ddq + lengths[:, None] * jerk) / limits.ddq
         relative = np.zeros_like(jerk) if limits.jerk is None else jerk / limits.jerk

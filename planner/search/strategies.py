@@ -14,6 +14,7 @@ from heapq import merge
 from itertools import islice
 from operator import attrgetter
 
+from ...problems import Cost
 from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement, Request
 from ..result import PlannedThrow
@@ -66,7 +67,7 @@ class Search:
         """The warm plan's optimum, if it lands near enough."""
         warm, task = self.warm, self.task
         optimum = None if warm is None else self._optimum(warm)
-        if optimum is None:
+        if optimum is None or (warm and warm.deciding.scene.weights != task.scene.weights):
             return []
         near = Neighbour.of(optimum, task.target, task.scene)
         return [near] if near.distance < SETTINGS.warm_distance else []
@@ -211,12 +212,13 @@ Strategy = Callable[[Search, History], Try | None]
 
 
 def from_neighbours(search: Search, history: History) -> Try | None:
-    """Solved throws near the target, moved to it; for a region, a solver's starts."""
+    """Solved throws near the target, moved to it; for a region, and for weights of the cost that
+    are not the library's, a solver's starts."""
     if len(search.task.solvers) == 1:
         return None
     neighbours = islice(search.neighbours(), search.moves)
-    if search.task.target.is_region:
-        # A moved throw keeps its place in a region, where another may cost less.
+    if search.task.target.is_region or search.task.scene.weights != Cost():
+        # A moved throw keeps its place in a region, and its time: another may cost less.
         number = len(history.solves_from("neighbour"))
         near = next(islice(neighbours, number, None), None)
         waits = search.warm is not None and not history.solves_from("warm plan")

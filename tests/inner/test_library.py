@@ -20,7 +20,7 @@ from throwplan.planner.library import Library
 from throwplan.planner.ocp import Margins, Refinement
 from throwplan.planner.throw import make_manipulator, send
 from throwplan.planner.verdict import verdict
-from throwplan.problems import Choice
+from throwplan.problems import Choice, Cost
 
 from benchmarks.judge import judge
 
@@ -162,9 +162,9 @@ def test_other_planners_find_it_and_other_scenes_do_not(prepared) -> None:
     assert one.throw.effort == other.throw.effort
 
 
-#: What a library does not depend on: texts, what chooses among throws, what stands elsewhere from
-#: target to target, and where in the reach the target lies.
-FREE = {"name", "description", "file", "choice", "robust", "obstacle", "target"}
+#: What a library does not depend on: texts, weights of the cost, what chooses among throws, what
+#: stands elsewhere from target to target, and where in the reach the target lies.
+FREE = {"name", "description", "file", "cost", "choice", "robust", "obstacle", "target"}
 
 
 def changed_numbers(value: object, where: str) -> Iterator[tuple[str, object]]:
@@ -455,6 +455,26 @@ def test_turns_alternatives_and_a_choice(prepared) -> None:
         assert other.error_sent()[0] <= prepared.scene.tolerance.position
     # No attempt is begun when the time is over.
     assert prepared.plan(target, patience=1e-9).status == "not_converged"
+
+
+def test_it_serves_other_weights_of_the_cost(prepared) -> None:
+    target = next(t for t in targets(prepared, 4) if prepared.plan(t).solved)
+    fast = tp.Planner(prepared.scene.replace(cost=Cost(time=100.0)))
+    assert fast.prepared == prepared.prepared
+    plain, sooner = prepared.plan(target), fast.plan(target)
+    assert sooner.solved and sooner.throw.opening_time < plain.throw.opening_time - 0.02
+
+
+def test_its_throws_have_the_usual_weights(monkeypatch, tmp_path) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    scene = tp.load_scene("hand-box")
+    assert tp.Planner(scene.replace(cost=Cost(time=100.0))).prepare(10) > 0
+    planner, cold = tp.Planner(scene), tp.Planner(scene, library=False)
+    x, _, _ = planner.library.landings(scene.target.z)
+    target = scene.target.changed(x=float(x.max()) - 0.005)
+    known, solved = planner.plan(target), cold.plan(target)
+    assert planner.prepared and known.solved and solved.solved
+    assert known.throw.opening_time == pytest.approx(solved.throw.opening_time, abs=5e-3)
 
 
 def test_without_a_cache_folder_nothing_is_kept(monkeypatch) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from throwplan.models.release import TableGrip
 from throwplan.planner.identify import measured, thrown
-from throwplan.planner.identify.synthetic import (
+from throwplan.planner.throw import Throw, excesses
+from throwplan.planner.validation import (
     Flown,
     Noise,
     SynthesisConfig,
@@ -21,7 +22,6 @@ from throwplan.planner.identify.synthetic import (
     panda,
     scene_with,
 )
-from throwplan.planner.throw import Throw, excesses
 from throwplan.planner.verdict import Code, verdict
 from throwplan.problems import Pose
 from throwplan.problems.throws import ThrowData, load_throws, write_throws

@@ -13,14 +13,13 @@ import numpy as np
 import pytest
 from throwplan.models import FlightLaw
 from throwplan.models.release import TableGrip
-from throwplan.planner.identify import (
+from throwplan.planner.identify import Predictor, parameter_sets
+from throwplan.planner.validation import (
     VALIDATION_FILES,
-    Predictor,
     as_dict,
     as_text,
     bootstrap,
     fold_of,
-    parameter_sets,
     save_validation,
     validate,
 )

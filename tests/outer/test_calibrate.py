@@ -259,6 +259,8 @@ def test_warm_moving_and_followed_throws_have_the_bias_too():
         ({"mass": 0.3}, "[object] mass is 0.24 kg, there 0.3 kg"),
         ({"force": 100.0}, "[gripper] force is 120 N, there 100 N"),
         ({"friction": 0.9}, "[contact] friction is 1, there 0.9"),
+        ({"shape": "two-points"}, "[contact] shape is left out, there two-points"),
+        ({"torsion": 0.5}, "[contact] torsion is 0.6, there 0.5"),
         ({"model": "sp"}, "[tolerance] model is ls-step, there sp"),
     ],
 )
@@ -388,6 +390,11 @@ def test_another_object_or_grip_is_refused(recorded, plans, tmp_path):
         tp.calibrate(path, scene)
     with pytest.raises(tp.InputError, match="grip force is 2"):
         tp.calibrate(data, pose)
+    points = scene.replace(contact=dataclasses.replace(scene.contact, shape="two-points"))
+    with pytest.raises(
+        tp.InputError, match=r"shape is left out, must be as \[contact\] shape of the scene: two"
+    ):
+        tp.calibrate(data, points)
 
 
 @pytest.mark.parametrize(

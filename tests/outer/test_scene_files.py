@@ -209,6 +209,8 @@ SECTIONS = [
     ("torque", "limits = [80.0, 80.0, 0.0]", "limits.*above 0"),
     ("torque", "limit = [80.0, 80.0, 8.0]", "limit.*did you mean 'limits'"),
     ("choice", 'by = "luck"', "by.*'luck'"),
+    ("cost", "jerk = 0.0", "jerk.*at least 0.001"),
+    ("cost", "times = 3.0", "times.*did you mean 'time'"),
     ("robust", 'method = "loud"', "method.*'loud'"),
     ("landing", "speed_max = -1", "speed_max"),
     ("uncertainty", "", "nothing is uncertain"),
@@ -302,7 +304,10 @@ early = 0.01
 late = 0.02
 """
 RICH = {
-    "near-cup": tp.scene_text("near-cup") + MORE + ARM_SECTIONS,
+    "near-cup": tp.scene_text("near-cup")
+    + MORE
+    + "[cost]\ntime = 5.0\njerk = 2.0\n"
+    + ARM_SECTIONS,
     "hand-flip": tp.scene_text("hand-flip") + MORE + '[choice]\nby = "time"\namong = 3\n',
     "drop": tp.scene_text("drop"),
 }

@@ -11,8 +11,8 @@ import numpy as np
 from ...models import Array
 from ...models.release import MODELS
 from ...problems.files import filling, plain
+from ..identify import MISSED
 from ..show import BLACK, GREY, Row, Table, new_figure, save
-from .predict import MISSED
 from .validation import ModelCheck, Validation
 
 if TYPE_CHECKING:

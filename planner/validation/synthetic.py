@@ -35,7 +35,7 @@ from ...problems import (
 from ...problems.throws import MeasuredThrow, Shared, ThrowData
 from ..samples import carry
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator, send
-from .predict import Progress
+from ..workers import Progress
 
 #: The paper's bar, Table II, and those of its factor analysis. Where the paper gives no CoM it
 #: is the middle of the bar; the inertia of a changed mass is taken as unchanged.

@@ -16,8 +16,18 @@ import numpy as np
 from ...models import Array, Indices
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems.throws import ThrowData
-from .measured import SURFACE, batch_rows, conditions
-from .predict import AXES, Grid, Predictor, Progress, check_model, grid_of, parameter_sets
+from ..identify import (
+    AXES,
+    SURFACE,
+    Grid,
+    Predictor,
+    batch_rows,
+    check_model,
+    conditions,
+    grid_of,
+    parameter_sets,
+)
+from ..workers import Progress
 
 #: about(words) announces a part of the work and returns its progress(done, total).
 About = Callable[[str], Progress]
