@@ -20,6 +20,8 @@ import pytest
 import throwplan as tp
 from throwplan.planner.cli import main
 
+from benchmarks import SECTIONS
+
 ROOT = Path(__file__).parent.parent.parent
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 page = pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
@@ -93,6 +95,32 @@ def test_commands_and_their_options_exist(path, capsys) -> None:
         for word in words:
             if word.startswith("--"):
                 assert word.partition("=")[0] in options, (name, word)
+
+
+def test_the_map_of_the_paper_names_what_exists() -> None:
+    """A name in backticks after a file's, in one cell or line, is defined in that file."""
+    text, found = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8"), 0
+    for part in re.split(r"[|\n]", text):
+        source = ""
+        for word in re.findall(r"`([^`]+)`", part):
+            if re.fullmatch(r"\w+(?:/\w+)+\.(?:py|h)", word):
+                source = (ROOT / word).read_text(encoding="utf-8")
+            elif source and re.fullmatch(r"\w+", word):
+                defined = rf"^\s*(?:(?:def|class) {word}\b|{word}(?::| =))"
+                assert re.search(defined, source, flags=re.M), word
+                found += 1
+    assert found > 35
+    assert set(re.findall(r"python -m benchmarks --only (\w+)", text)) <= SECTIONS.keys()
+
+
+def test_the_drops_of_the_map_of_the_paper_are_the_program_s() -> None:
+    text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([\w-]+)` ((?:\| −[\d.]+ ){4})\|$", text, flags=re.M)
+    assert len(rows) == 6
+    for name, cells in rows:
+        ends = [tp.simulate(scene, name)[name].release.detach for scene in ("drop", "drop-2cm")]
+        values = [f"{value:.4f}" for end in ends for value in (end.omega, end.v_z)]
+        assert cells.replace("−", "-").strip("| ").split(" | ") == values, name
 
 
 def test_python_of_the_readme_runs(tmp_path, monkeypatch) -> None:
