@@ -5,7 +5,7 @@ NumPy arrays (N throws) and on CasADi expressions.
 
 Frame: x forward, z up, angles counter-clockwise from +x towards +z, unwrapped; SI units.
 The contact point is the point of the body under the centre of the pads; `r = (x_r, z_r)`
-leads from it to the CoM. Source: (11)-(15), (28)-(33) of Liu and Billard, "On Transient
+leads from it to the CoM. Source: (11)-(13), (28)-(33) of Liu and Billard, "On Transient
 Release Dynamics in Robot Throwing: A Sliding Pivot Model".
 """
 
@@ -172,7 +172,7 @@ def pivot_wrench(
 ) -> tuple[Value, Value, Value]:
     """Wrench (f_x, f_z [N], torque [N m]) at the contact that lets the body move with the hand.
 
-    (28), (31) and (33), with gravity in the last as in (28): the force that keeps the
+    (28) and (31)-(33), with gravity in the last as in (28): the force that keeps the
     contact point on the hand, and the torque that the hand must give at the contact so
     that the body turns with alpha^h. `omega` [rad/s] is the body's rate.
     """
