@@ -258,6 +258,12 @@ class Scene(Section):
             cup = cup.changed(x=cup.x + dx, rim=cup.rim + dz)
         return self.changed(target=target, cup=cup)
 
+    def fits(self, other: Scene) -> bool:
+        """Whether another scene differs at most in its target, and in where the cup stands."""
+        mine, others = (scene.changed(target=None, cup=None) for scene in (self, other))
+        cups = [scene.cup and scene.cup.changed(x=0.0, rim=0.0) for scene in (self, other)]
+        return mine == others and cups[0] == cups[1]
+
     def without_clearances(self) -> Scene:
         """The scene with all clearances zero: clearances are reserves of a plan."""
         cup, workspace, changes = self.cup, self.workspace, dict[str, Any]()

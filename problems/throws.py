@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..models import SHAPES, Array, Contact, Indices
+from ..models import SHAPES, Array, Contact, Indices, ReadOnly
 from ..models.release import TableGrip
 from ..models.robot import Arm
 from .arms import load_arm
@@ -110,7 +110,7 @@ class Shared(Section):
 
 
 @dataclasses.dataclass(frozen=True)
-class MeasuredThrow:
+class MeasuredThrow(ReadOnly):
     """The recording of one throw.
 
     motion: times (K,) [s] and columns (K, n): the hand's x, z, theta or the arm's joints; command

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, ReadOnly
 from ...problems import InputError
 from ..throw import TICK
 
@@ -16,7 +16,7 @@ RATES = (2.0, 500.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class Response(ReadOnly):
     """Joint by joint dq = rate (sent - q) + share d(sent)/dt: rate [1/s] and share, each (n,).
 
     A lag of (1 - share) / rate; a share below 0 is a delay beside it.

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array
+from ...models import Array, ReadOnly
 from ...problems import InputError, Scene, as_scene, checked
 from ...problems.files import filling
 from ..library import Library
@@ -52,7 +52,7 @@ MAP_FILES = ("map.png", "map.npz")
 
 
 @dataclass(frozen=True, eq=False)
-class ReachMap:
+class ReachMap(ReadOnly):
     """Landing poses that sampled throws of `scene` reach at height `z` [m].
 
     samples: states drawn. x_edges (X + 1,) [m] and theta_edges (T + 1,) [rad] of the bins;

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
 from ...problems import InputError, scene_from_table
 from ...problems.files import read_csv, read_text
@@ -70,7 +70,7 @@ class SavedThrow(Throw):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class PlanPath:
+class PlanPath(ReadOnly):
     """A throw over time, from rest until the object lands; with [rest] until it rests.
 
     times (N,) [s], every millisecond; poses (N, 3): x, z [m], theta [rad] of the object's CoM in

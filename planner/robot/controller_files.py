@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...models import Array
+from ...models import Array, ReadOnly
 from ...models.robot import Arm, PlanarArm
 from ...problems import InputError, load_arm
 from ...problems.files import filling, write_json
@@ -39,7 +39,7 @@ ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
 
 
 @dataclass(frozen=True)
-class JointMotion:
+class JointMotion(ReadOnly):
     """A motion to send to an arm: all joints at 1 kHz from rest to rest, and the opening.
 
     q, dq, ddq (N, joints) at times (N,) [s]; throw: its throw.

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, ReadOnly
 from ...problems import InputError, Rest, checked
 from ...problems.files import filling, plain, write_json
 from ..rest import load_mujoco
@@ -54,7 +54,7 @@ FILES = ("replay.json", "replay.csv", "replay.png")
 
 
 @dataclass(frozen=True, repr=False)
-class Replay:
+class Replay(ReadOnly):
     """A throw by MuJoCo. Positions in the throw's plane, m; angles in rad.
 
     landing: x, z, theta as the CoM falls through the target's height without collisions, NaN if it

@@ -230,7 +230,7 @@ def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
             elif start.elastic:
                 # No other NLP has the variables of its solution.
                 lands = throw.planned_landing
-                throw = replace(throw, nlp=None, solution=None, landing_of_nlp=lands)
+                throw = replace(throw, layout=None, solution=None, landing_of_nlp=lands)
         reason = judged.words
     return Attempt(
         start.goal,
@@ -336,7 +336,7 @@ def _planned_throw(nlp: ThrowNlp, best: _Candidate, refinement: Refinement) -> P
         nlp.size,
         refinement,
         best.aim.offset,
-        nlp,
+        nlp.layout,
         best.solution,
         _landing_of(nlp, best),
     )

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, Body, Contact, FlightLaw, HandTrack, MovedHand, Trajectory
+from ...models import Array, Body, Contact, FlightLaw, HandTrack, MovedHand, ReadOnly, Trajectory
 from ...models.release import (
     BATCH_MODELS,
     MODELS,
@@ -181,7 +181,7 @@ def _simulated(scene: Scene, model: ReleaseModel, case: ReleaseCase) -> Simulati
 
 
 @dataclass(frozen=True)
-class BatchResult:
+class BatchResult(ReadOnly):
     """Detach states and landings of N throws.
 
     detach (N, 6): x, z, theta, v_x, v_z, omega of the CoM; landing (N, 3): x, theta and

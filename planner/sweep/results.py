@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...models import Array, Flags, Indices
+from ...models import Array, Flags, Indices, ReadOnly
 from ...models.release import MODELS
 from ...problems.files import filling, plain, write_json
 from ..result import Plan
@@ -33,7 +33,7 @@ MIN_SPAN = 0.02
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(ReadOnly):
     """A plan's sent motion thrown with sampled parameters, by one release model.
 
     numbers (N,): places in the sequence of samples; values (N, P): their parameters, columns as

@@ -152,7 +152,7 @@ def test_wrong_updates_leave_the_motion_as_it_is(pose_planner, plan) -> None:
 def test_what_can_be_followed(pose_planner, plan, planner_of, plan_of) -> None:
     with pytest.raises(tp.InputError, match=r"horizon = 0\.5: must be above 0 s and below 0\.2"):
         pose_planner.follow(plan, 0.5)
-    with pytest.raises(tp.InputError, match="follow: needs a solved plan of this planner"):
-        tp.Planner("pose").follow(plan)
+    with pytest.raises(tp.InputError, match="follow: needs a solved plan of this planner's scene"):
+        planner_of("near-cup").follow(plan)
     with pytest.raises(tp.InputError, match=r"follow: only for a scene with \[robot\]"):
         planner_of("hand-box").follow(plan_of("hand-box"))
