@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from threading import RLock
-from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unpack, get_args
+from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unpack
 
-from ..problems import InputError, Pose, Robust, Scene, as_scene, checked
+from ..problems import InputError, Pose, Robust, Scene, as_scene, check_arguments, checked
 from .clearance import check_obstacles
 from .follow import Response, Session
 from .interception import intercept
@@ -87,6 +87,7 @@ class Planner:
     object at rest in any permitted start pose.
     """
 
+    @check_arguments
     def __init__(self, scene: Scene | str | Path, *, library: bool = True) -> None:
         start = time.perf_counter()
         self._lock = RLock()
@@ -108,6 +109,7 @@ class Planner:
         """A copy is built anew from the scene."""
         return functools.partial(type(self), library=self._context.keep), (self.scene,)
 
+    @check_arguments
     @_alone
     def plan(
         self,
@@ -121,10 +123,11 @@ class Planner:
         patience: float | None = None,
         start: State | None = None,
     ) -> Plan:
-        """A throw to `target`, a `Pose` or a `Region` (the scene's by default), with its status.
+        """A throw to `target` (the scene's by default), with its status.
 
-        Always returns; raises InputError only for wrong input. solver: 'auto' is FATROP with IPOPT
-        as fallback. turns: 'any' takes theta modulo full turns. warm: a solved plan of this scene
+        Always returns; raises InputError only for wrong input. target: a `Pose` or a `Region`, or
+        an array of x, z [m] and theta [rad]. solver: 'auto' is FATROP with IPOPT as fallback.
+        turns: 'any' takes theta modulo full turns. warm: a solved plan of this scene
         for a target nearby. alternatives: number of further throws to look for, each different, for
         `Plan.alternatives`. robust: a method of the section [robust], instead of the scene's.
         patience [s]: time limit, without building; by default 3 s, 6 s for a robust throw, 20 s for
@@ -133,9 +136,8 @@ class Planner:
         """
         started = time.perf_counter()
         target = self.check(target)
-        _check_one_of("solver", solver, SolverName)
-        _check_one_of("turns", turns, Turns)
-        _check_kinds(alternatives=alternatives, patience=patience, warm=warm, start=start)
+        checked("alternatives", alternatives, int, {"least": 0, "most": MOST_ALTERNATIVES})
+        checked("patience", patience, float | None, {"above": 0})
         method = self._method(robust)
         if method and alternatives:
             raise InputError("alternatives: not with a robust plan")
@@ -186,6 +188,7 @@ class Planner:
         begins = plan.manipulator.under_way is None or not at_rest
         return begins and self.scene.fits(plan.scene)
 
+    @check_arguments
     @_alone
     def follow(
         self,
@@ -202,13 +205,11 @@ class Planner:
         response: their response, if known. InputError for a plan of another scene.
         """
         horizon = checked("horizon", horizon, float, {"above": 0})
-        checked("plan", plan, Plan, {})
-        checked("sent", sent, Throw | None, {})
-        checked("response", response, Response | None, {})
         if not self._is_own(plan):
             raise InputError("follow: needs a solved plan of this planner's scene")
         return Session(self._in_motion.problems, plan, horizon, sent, response)
 
+    @check_arguments
     @_alone
     def polish(self, plan: Plan) -> Plan:
         """The plan at its optimum: solved again from its own throw.
@@ -217,7 +218,7 @@ class Planner:
         Returns the plan itself if no cheaper one is found, if it is robust or not solved, and if
         its target moves or has a time of arrival.
         """
-        before = checked("plan", plan, Plan, {}).throw
+        before = plan.throw
         mine = plan.solved and self._is_own(plan) and plan.target.at_rest
         if not mine or before is None:
             return plan
@@ -229,6 +230,7 @@ class Planner:
         total = time.perf_counter() - started
         return dataclasses.replace(better, time={**clock.seconds, "total": total})
 
+    @check_arguments
     @_alone
     def prepare(
         self,
@@ -273,6 +275,7 @@ class Planner:
         """The scene's solved throws that the cache has."""
         return self._context.library
 
+    @check_arguments
     @_alone
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
@@ -337,6 +340,7 @@ class Options(TypedDict, total=False):
     start: State | None
 
 
+@check_arguments
 def plan(scene: Scene | str | Path, target: Pose | None = None, **options: Unpack[Options]) -> Plan:
     """Plan one throw of a scene (or of a built-in name or TOML file).
 
@@ -346,35 +350,11 @@ def plan(scene: Scene | str | Path, target: Pose | None = None, **options: Unpac
     return Planner(scene).plan(target, **options)
 
 
-#: Default, type and limits of arguments of `Planner.plan`.
-_KINDS: dict[str, tuple[Any, Any, dict[str, float]]] = {
-    "alternatives": (0, int, {"least": 0, "most": MOST_ALTERNATIVES}),
-    "patience": (None, float | None, {"above": 0}),
-    "warm": (None, Plan | None, {}),
-    "start": (None, State | None, {}),
-}
-
-
-def _check_kinds(**values: object) -> None:
-    """InputError for an argument of `Planner.plan` of a wrong type or out of range."""
-    for name, value in values.items():
-        usual, kind, limits = _KINDS[name]
-        if value is not usual:
-            checked(name, value, kind, limits)
-
-
-def _check_one_of(name: str, value: object, allowed: Any) -> None:
-    if value not in get_args(allowed):
-        raise InputError(f"{name} = {value!r}: must be one of {', '.join(get_args(allowed))}")
-
-
 def _checked_target(scene: Scene, target: Pose | None) -> Pose:
     """The target to plan for: the given one or the scene's; InputError if it does not fit."""
-    target = target or scene.target
+    target = scene.target if target is None else target
     if target is None:
         raise InputError(f"{scene.place}: section [target] is missing")
-    if not isinstance(target, Pose):
-        raise InputError(f"target = {target!r}: must be a Pose or a Region")
     if scene.robot is None and target.y != 0.0:
         raise InputError("target y: only for a scene with [robot]")
     least = scene.gripper.profile().dwell + scene.gripper.profile().opening

@@ -7,8 +7,9 @@ import math
 from typing import Any, ClassVar
 
 from ..models.release import DECIDING
+from .checks import InputError
 from .files import toml_lines
-from .section import InputError, Section, meanings, quantity, table_of
+from .section import Section, meanings, quantity, table_of
 
 
 def rank_of(throws: int, level: float) -> int:

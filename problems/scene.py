@@ -17,21 +17,11 @@ from ..models import Body, Contact, FlightLaw
 from ..models.robot import Arm
 from .arms import arm_table, load_arm, load_gripper
 from .calibration import Calibration
+from .checks import InputError, Mistakes, check_arguments, within
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque, check_torque, thrown_by
 from .poses import Pose
-from .section import (
-    InputError,
-    Mistakes,
-    Section,
-    hints_of,
-    part_of,
-    quantity,
-    rules,
-    table_of,
-    unit_of,
-    within,
-)
+from .section import Section, hints_of, part_of, quantity, rules, table_of, unit_of
 from .targets import Choice, Cup, Landing, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
@@ -250,6 +240,7 @@ class Scene(Section):
             scene.check_target_in_cup()
         return scene
 
+    @check_arguments
     def aimed_at(self, target: Pose) -> Scene:
         """The scene with another target; a cup moves in x and z with the target's middle."""
         cup, old = self.cup, self.target
@@ -258,6 +249,7 @@ class Scene(Section):
             cup = cup.changed(x=cup.x + dx, rim=cup.rim + dz)
         return self.changed(target=target, cup=cup)
 
+    @check_arguments
     def fits(self, other: Scene) -> bool:
         """Whether another scene differs at most in its target, and in where the cup stands."""
         mine, others = (scene.changed(target=None, cup=None) for scene in (self, other))

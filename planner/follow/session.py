@@ -19,7 +19,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly, Trajectory
 from ...models.robot import PlanarArm
-from ...problems import InputError, Pose, checked
+from ...problems import InputError, Pose, check_arguments, checked
 from ..result import Plan, joint_samples
 from ..search import NlpCache, error_over
 from ..throw import (
@@ -144,6 +144,7 @@ class Session:
         vars(self).update(state, _lock=Lock())
         self._build()
 
+    @check_arguments
     def update(self, t: float, q: Array, dq: Array, target: Pose | None = None) -> Update:
         """What to send from `t` + horizon on, by what was measured at time `t` [s] of the swing.
 
@@ -180,7 +181,7 @@ class Session:
 
     def _checked(self, t: float, q: Array, dq: Array, target: Pose | None) -> tuple[Array, Pose]:
         """Throwing joints and the target; InputError for what is wrong."""
-        t = checked("t", t, float, {"meaning": "s"})
+        checked("t", t, float, {"meaning": "s"})
         if t <= self._time:
             raise InputError(f"t = {t:g}: must be above {self._time:g}, the last update's")
         if t > self._end_time:
@@ -189,10 +190,7 @@ class Session:
         assert arm is not None
         found = []
         for name, values in (("q", q), ("dq", dq)):
-            try:
-                numbers = np.asarray(values).astype(float, casting="same_kind")
-            except (TypeError, ValueError):
-                raise InputError(f"{name}: must be numbers") from None
+            numbers = np.asarray(values)
             if numbers.shape == (arm.joints,):
                 numbers = numbers[[j - 1 for j in arm.throwing_joints]]
             if numbers.shape != (manipulator.size,) or not np.isfinite(numbers).all():
@@ -204,7 +202,7 @@ class Session:
         if target is None:
             # Its pose is at time zero.
             return found[0], self._target.at(t)
-        if (checked("target", target, Pose, {}).theta is None) != (self._target.theta is None):
+        if (target.theta is None) != (self._target.theta is None):
             raise InputError("target: must fix theta if the plan's target does, else not")
         plane, target = self._target.plane, target.with_lateral(self._target.lateral)
         turned = abs(target.plane.azimuth - plane.azimuth)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
-from ...problems import InputError, scene_from_table
+from ...problems import InputError, check_arguments, scene_from_table
 from ...problems.files import read_csv, read_text
 from ..show import over_time
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
@@ -95,6 +95,7 @@ def path_of(throw: Throw) -> PlanPath:
     return PlanPath(line.times, line.com.T, line.hand.T, joints)
 
 
+@check_arguments
 def read_plan(path: str | Path) -> SavedThrow:
     """The throw of a plan.json (or its folder) and its motion.csv, simulated again.
 

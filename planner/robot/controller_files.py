@@ -16,7 +16,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.robot import Arm, PlanarArm
-from ...problems import InputError, load_arm
+from ...problems import InputError, check_arguments, load_arm
 from ...problems.files import filling, write_json
 from ..result import Plan, joint_samples, throw_of, write_table
 from ..throw import TICK, Throw
@@ -118,6 +118,7 @@ def _mistakes(motion: JointMotion) -> Iterator[str]:
     yield from (finding.words for finding in broken)
 
 
+@check_arguments
 def export(
     plan: Plan | Throw | str | Path,
     *,

@@ -16,7 +16,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ...models import Array, Trajectory
-from ...problems import Pose, Scene
+from ...problems import MANY_TURNS, Pose, Scene
 from ..ocp import BASE, Refinement, Request, Solution, ThrowNlp, WarmStart
 from ..result import PlannedThrow
 from ..throw import SmoothingError, Throw, send
@@ -30,8 +30,6 @@ ACCURACY = (1e-4, math.radians(0.02))
 AT_BOUND = 1e-3
 #: Most NLPs solved to correct one aim.
 MAX_CORRECTIONS = 8
-#: Full turns of a target's angle from which a message says that Pose takes radians.
-MANY_TURNS = 3
 
 
 @dataclass(frozen=True)

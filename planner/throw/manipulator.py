@@ -14,7 +14,7 @@ import numpy as np
 from ...core import LimitsC, library
 from ...models import Array, MovedHand, ReadOnly, Trajectory
 from ...models.robot import Arm, ArmCapsules, PlanarArm, PlanarHand, about_z, hand_motion
-from ...problems import Hand, InputError, Scene
+from ...problems import Hand, InputError, Scene, check_arguments
 
 #: Least cosine between the pads' closing and the normal of the throwing plane: 0.08 deg.
 SQUARE = 1 - 1e-6
@@ -90,6 +90,7 @@ class State:
     dq: Array
     ddq: Array
 
+    @check_arguments
     def checked(self, manipulator: Manipulator) -> State:
         """The state as arrays; InputError if it does not fit the manipulator or its limits."""
         limits, found = manipulator.hard, list[Array]()
