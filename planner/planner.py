@@ -127,12 +127,12 @@ class Planner:
 
         Always returns; raises InputError only for wrong input. target: a `Pose` or a `Region`, or
         an array of x, z [m] and theta [rad]. solver: 'auto' is FATROP with IPOPT as fallback.
-        turns: 'any' takes theta modulo full turns. warm: a solved plan of this scene
-        for a target nearby. alternatives: number of further throws to look for, each different, for
-        `Plan.alternatives`. robust: a method of the section [robust], instead of the scene's.
-        patience [s]: time limit, without building; by default 3 s, 6 s for a robust throw, 20 s for
-        several. start: a state of motion in which the throw begins at its time 0, instead of the
-        scene's start; `warm` is then a plan whose motion passes that state.
+        turns: 'any' takes theta modulo full turns. warm: a solved plan of this scene for a target
+        nearby. alternatives: number of further throws to look for, each different, for
+        `Plan.alternatives`. robust: a method of [robust], instead of the scene's. patience [s]:
+        time limit, without building; by default 3 s, 6 s for a robust throw, 20 s for several.
+        start: a state of motion in which the throw begins at its time 0, instead of the scene's
+        start; `warm` is then a plan whose motion passes that state.
         """
         started = time.perf_counter()
         target = self.check(target)
@@ -150,9 +150,8 @@ class Planner:
         clock = Clock.lasting(_usual_patience(method, wanted) if patience is None else patience)
         task = Task(self.scene.aimed_at(target), target, solvers, clock, turns, wanted)
         built, self._build_time = self._build_time, 0.0
-        context, known = self._context, None
-        if warm is not None and self._is_own(warm, at_rest=start is None):
-            known = warm.throw
+        context, at_rest = self._context, start is None
+        known = warm.throw if warm and self._is_own(warm, at_rest=at_rest) else None
         if start is not None:
             context = self._in_motion.from_state(
                 self.manipulator.from_state(start.checked(self.manipulator))

@@ -172,6 +172,10 @@ class QpSettings:
 
 
 QP = QpSettings()
+#: CasADi's names of a QP's matrices and bounds.
+QP_INPUTS = ("h", "g", "a", "lba", "uba", "lbx", "ubx")
+#: DAQP's solvers serve all threads, and `stats` is that of the last call of any thread.
+_DAQP_LOCK = Lock()
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,10 +315,7 @@ class CondensedQp:
         gradient = np.concatenate([-self.hessian @ centre, prices, prices, [QP.violation_price]])
         target = np.hstack([self.landing, np.eye(misses), -np.eye(misses), np.zeros((misses, 1))])
         broken_now = np.where(self.lower > QP.zero, 1.0, np.where(self.upper < -QP.zero, -1.0, 0.0))
-        bounds = (
-            np.append(-longest, np.zeros(slacks)),
-            np.append(longest, np.full(slacks, np.inf)),
-        )
+        bounds = np.append(-longest, np.zeros(slacks)), np.append(longest, [np.inf] * slacks)
         reach = QP.reach + float(np.linalg.norm(centre))
         included = (self.lower > -reach) | (self.upper < reach)
         for _ in range(QP.rounds):
@@ -367,18 +368,12 @@ def _solve_qp(
 ) -> tuple[Array, Array]:
     """Minimum of a QP and the multipliers of its rows, by DAQP; NaN without a solution."""
     solver = _daqp_solver(*rows.shape)
+    values = hessian, gradient, rows, *between, *bounds
     with _DAQP_LOCK:
-        result = solver(
-            **{"h": hessian, "g": gradient, "a": rows, "lba": between[0], "uba": between[1]},
-            **{"lbx": bounds[0], "ubx": bounds[1]},
-        )
+        result = solver(**dict(zip(QP_INPUTS, values, strict=True)))
         success = solver.stats()["success"]
-    z = np.array(result["x"]).ravel()
-    return z if success else z * np.nan, np.array(result["lam_a"]).ravel()
-
-
-#: The solvers serve all threads, and `stats` is that of the last call of any thread.
-_DAQP_LOCK = Lock()
+    z, multipliers = (np.array(result[name]).ravel() for name in ("x", "lam_a"))
+    return z if success else z * np.nan, multipliers
 
 
 @lru_cache(maxsize=64)

@@ -116,8 +116,6 @@ class Throw:
         assert self.scene.target is not None
         return self.scene.target
 
-    # Release, landing and measures.
-
     @cached_property
     def release(self) -> Release:
         """The object's motion from the opening's start to detach."""
@@ -200,8 +198,6 @@ class Throw:
         """Landing error (Δx [m], Δtheta [rad]), see `Pose.miss`."""
         return (target or self.target).miss(self.landing.x, self.landing.theta)
 
-    # Copies of the throw.
-
     @check_arguments
     def with_model(self, model: str) -> Throw:
         """The throw by another of the models sp and ls-step; InputError for a further one."""
@@ -234,8 +230,6 @@ class Throw:
     def delayed(self, delay: float) -> Throw:
         """The throw opened later by `delay` [s], at time 0 at the earliest."""
         return replace(self, opening_time=max(self.opening_time + delay, 0.0))
-
-    # The hand, and times of the motion.
 
     @property
     def case(self) -> ReleaseCase:
@@ -270,8 +264,6 @@ class Throw:
         )
         between = [step] if before < -1e-12 else []
         return Trajectory.joined([planned, *between, samples.path.beginning(first)])
-
-    # The flight.
 
     @check_arguments
     def flight(self, times: Array) -> Array:
