@@ -144,12 +144,16 @@ class SamplesC(Structure):
 
     @classmethod
     def of(cls, tick: float, *rows: Array) -> SamplesC:
-        """Of q, dq, ddq, each (K, n); of q alone for functions that read no more."""
+        """Of q, dq, ddq, each (K, n), or of q alone for functions that read no more.
+
+        Arrays that cannot be written to are copied, as some functions write samples.
+        """
         count, n = rows[0].shape
         if n > AXES:
             raise ValueError(f"the core takes at most {AXES} coordinates, not {n}")
         found = cls(rows=count, n=n, tick=tick)
-        found.attach(**dict(zip(("q", "dq", "ddq"), map(np.ascontiguousarray, rows), strict=False)))
+        arrays = (np.ascontiguousarray(r) if r.flags.writeable else r.copy() for r in rows)
+        found.attach(**dict(zip(("q", "dq", "ddq"), arrays, strict=False)))
         return found
 
 

@@ -20,6 +20,9 @@ Made by `examples/python_reference.py`; do not edit. `help(tp.Planner)` prints t
 `import throwplan as tp` gives what is below. Everything is in SI units and radians. Wrong input
 raises `tp.InputError`, with one line that says where, what, and what is allowed. Every other end of
 planning is the plan's status.
+
+Scenes, plans, planners and sessions can be pickled and copied. Arrays that an object keeps are
+read-only: copy one to change it.
 """
 #: What belongs together, in the order of use.
 CHAPTERS = {

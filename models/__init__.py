@@ -16,11 +16,13 @@ from .body import (
     HandSamples,
     HandTrack,
     Indices,
+    ReadOnly,
     com_twist,
     com_wrench,
     contact_twist,
     held_wrench,
     pivot_wrench,
+    read_only,
     sticking_state,
 )
 from .surface import SHAPES, SurfaceShape

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,34 @@ from .surface import SurfaceShape
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int_]
+ArrayLike = TypeVar("ArrayLike", bound=npt.NDArray[Any])
+
+
+class ReadOnly:
+    """Base of dataclasses that share their arrays: no one can write to these by accident."""
+
+    def __post_init__(self) -> None:
+        """Arrays become views that cannot be written to, also in fields that are tables of them."""
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                vars(self)[name] = read_only(value)
+            elif isinstance(value, dict):
+                arrays = {k: read_only(v) for k, v in value.items() if isinstance(v, np.ndarray)}
+                vars(self)[name] = value | arrays
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """A copy is as its original."""
+        vars(self).update(state)
+        ReadOnly.__post_init__(self)
+
+
+def read_only(values: ArrayLike) -> ArrayLike:
+    """A view of an array that cannot be written to."""
+    if not values.flags.writeable:
+        return values
+    seen = values.view()
+    seen.flags.writeable = False
+    return seen
 
 
 @dataclass(frozen=True)

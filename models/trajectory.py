@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..core import AXES, LinkageC, PathC, SamplesC, library
-from .body import Array, HandSamples
+from .body import Array, HandSamples, ReadOnly
 
 #: Indices among N throws.
 Throws = npt.NDArray[np.int_]
@@ -26,7 +26,7 @@ INSIDE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(ReadOnly):
     """n coordinates over time in P polynomial pieces, for one throw or N.
 
     breaks (P + 1,) [s]: ends of the pieces. Outside, the first and last piece continue; if `held`,

@@ -181,7 +181,7 @@ def _waiting(throw: PlannedThrow, wait: int) -> PlannedThrow:
     final = Throw.sent(final.scene, final.manipulator, planned, samples, opened)
     lands = throw.planned_landing
     return dataclasses.replace(
-        throw, planned=planned, deciding=final, nlp=None, solution=None, landing_of_nlp=lands
+        throw, planned=planned, deciding=final, layout=None, solution=None, landing_of_nlp=lands
     )
 
 

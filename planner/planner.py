@@ -6,10 +6,12 @@ import dataclasses
 import functools
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, TypedDict, Unpack, get_args
+from threading import RLock
+from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unpack
 
-from ..problems import Cost, InputError, Pose, Robust, Scene, as_scene, checked
+from ..problems import Cost, InputError, Pose, Robust, Scene, as_scene, check_arguments, checked
 from .clearance import check_obstacles
 from .follow import Response, Session
 from .interception import intercept
@@ -52,18 +54,43 @@ PREPARED = 5000
 MOST_PREPARED = 10_000
 
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def _alone(
+    method: Callable[Concatenate[Planner, P], T],
+) -> Callable[Concatenate[Planner, P], T]:
+    """A method during which other threads wait with theirs: solvers and the core have memory of
+    their own, one per planner."""
+
+    @functools.wraps(method)
+    def waiting(self: Planner, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        with self._lock:
+            return method(self, *args, **kwargs)
+
+    return waiting
+
+
 class Planner:
     """Plans throws of one scene; builds its NLP once and solves for many targets.
 
     scene: a `Scene`, a built-in name or a TOML file. library: whether plans start from the
     scene's solved throws in the cache (see `prepare`).
 
+    Any thread may call any method; calls wait for each other, and the wait is no part of a plan's
+    patience. To plan in parallel, use a planner per thread or process. A copy, or one that is
+    pickled, is a new planner of the same scene. Plans, and copies of them, fit every planner of
+    their scene.
+
     Raises InputError for a scene without [hand] and [robot], and for a grip too weak to hold the
     object at rest in any permitted start pose.
     """
 
+    @check_arguments
     def __init__(self, scene: Scene | str | Path, *, library: bool = True) -> None:
         start = time.perf_counter()
+        self._lock = RLock()
         scene = as_scene(scene)
         self.scene = scene
         self.manipulator = make_manipulator(scene)
@@ -78,6 +105,12 @@ class Planner:
         self._context = SearchContext(self.problems, sampler, self.releases, library)
         self._build_time = time.perf_counter() - start
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy is built anew from the scene."""
+        return functools.partial(type(self), library=self._context.keep), (self.scene,)
+
+    @check_arguments
+    @_alone
     def plan(
         self,
         target: Pose | None = None,
@@ -90,21 +123,21 @@ class Planner:
         patience: float | None = None,
         start: State | None = None,
     ) -> Plan:
-        """A throw to `target`, a `Pose` or a `Region` (the scene's by default), with its status.
+        """A throw to `target` (the scene's by default), with its status.
 
-        Always returns; raises InputError only for wrong input. solver: 'auto' is FATROP with IPOPT
-        as fallback. turns: 'any' takes theta modulo full turns. warm: a solved plan of this planner
-        for a target nearby. alternatives: number of further throws to look for, each different, for
-        `Plan.alternatives`. robust: a method of the section [robust], instead of the scene's.
-        patience [s]: time limit, without building; by default 3 s, 6 s for a robust throw, 20 s for
-        several. start: a state of motion in which the throw begins at its time 0, instead of the
-        scene's start; `warm` is then a plan whose motion passes that state.
+        Always returns; raises InputError only for wrong input. target: a `Pose` or a `Region`, or
+        an array of x, z [m] and theta [rad]. solver: 'auto' is FATROP with IPOPT as fallback.
+        turns: 'any' takes theta modulo full turns. warm: a solved plan of this scene for a target
+        nearby. alternatives: number of further throws to look for, each different, for
+        `Plan.alternatives`. robust: a method of [robust], instead of the scene's. patience [s]:
+        time limit, without building; by default 3 s, 6 s for a robust throw, 20 s for several.
+        start: a state of motion in which the throw begins at its time 0, instead of the scene's
+        start; `warm` is then a plan whose motion passes that state.
         """
         started = time.perf_counter()
         target = self.check(target)
-        _check_one_of("solver", solver, SolverName)
-        _check_one_of("turns", turns, Turns)
-        _check_kinds(alternatives=alternatives, patience=patience, warm=warm, start=start)
+        checked("alternatives", alternatives, int, {"least": 0, "most": MOST_ALTERNATIVES})
+        checked("patience", patience, float | None, {"above": 0})
         method = self._method(robust)
         if method and alternatives:
             raise InputError("alternatives: not with a robust plan")
@@ -117,7 +150,8 @@ class Planner:
         clock = Clock.lasting(_usual_patience(method, wanted) if patience is None else patience)
         task = Task(self.scene.aimed_at(target), target, solvers, clock, turns, wanted)
         built, self._build_time = self._build_time, 0.0
-        context, known = self._context, None if warm is None else warm.throw
+        context, at_rest = self._context, start is None
+        known = warm.throw if warm and self._is_own(warm, at_rest=at_rest) else None
         if start is not None:
             context = self._in_motion.from_state(
                 self.manipulator.from_state(start.checked(self.manipulator))
@@ -126,8 +160,7 @@ class Planner:
 
         def plan_at(goal: Pose, last: Plan | None) -> Plan:
             throw = known if last is None else last.throw
-            mine = throw is not None and throw.manipulator is context.problems.manipulator
-            return plan_throw(context, task.aimed_at(goal), throw if mine else None)
+            return plan_throw(context, task.aimed_at(goal), throw)
 
         plan = intercept(self.scene, target, self.releases, plan_at)
         if plan.solved and method:
@@ -149,6 +182,13 @@ class Planner:
 
         return hardened(plan, Hardening(self._robust_problems, method, task), others)
 
+    def _is_own(self, plan: Plan, *, at_rest: bool = True) -> bool:
+        """Whether a plan is of this scene, and, if so asked, begins at its start."""
+        begins = plan.manipulator.under_way is None or not at_rest
+        return begins and self.scene.fits(plan.scene)
+
+    @check_arguments
+    @_alone
     def follow(
         self,
         plan: Plan,
@@ -161,14 +201,15 @@ class Planner:
 
         Takes some tenths of a second, before the swing. horizon [s]: delay from a measurement until
         a new command takes effect. sent: the motion sent to joints that lag, instead of the plan's;
-        response: their response, if known. InputError for a plan of another planner.
+        response: their response, if known. InputError for a plan of another scene.
         """
         horizon = checked("horizon", horizon, float, {"above": 0})
-        checked("plan", plan, Plan, {})
-        checked("sent", sent, Throw | None, {})
-        checked("response", response, Response | None, {})
+        if not self._is_own(plan):
+            raise InputError("follow: needs a solved plan of this planner's scene")
         return Session(self._in_motion.problems, plan, horizon, sent, response)
 
+    @check_arguments
+    @_alone
     def polish(self, plan: Plan) -> Plan:
         """The plan at its optimum: solved again from its own throw.
 
@@ -176,8 +217,8 @@ class Planner:
         Returns the plan itself if no cheaper one is found, if it is robust or not solved, and if
         its target moves or has a time of arrival.
         """
-        before = checked("plan", plan, Plan, {}).throw
-        mine = plan.solved and plan.manipulator is self.manipulator and plan.target.at_rest
+        before = plan.throw
+        mine = plan.solved and self._is_own(plan) and plan.target.at_rest
         if not mine or before is None:
             return plan
         target, started, clock = plan.target, time.perf_counter(), Clock.lasting(PATIENCE)
@@ -188,6 +229,8 @@ class Planner:
         total = time.perf_counter() - started
         return dataclasses.replace(better, time={**clock.seconds, "total": total})
 
+    @check_arguments
+    @_alone
     def prepare(
         self,
         throws: int = PREPARED,
@@ -205,6 +248,7 @@ class Planner:
         degree wide. After Ctrl-C the next call continues. progress(solved, throws) is called on the
         way. workers: processes on this machine, by default two for 400 throws or more; scheduler:
         address of a Dask scheduler that spreads the work instead. Returns the number of throws.
+        Plans of other threads wait until it has ended.
         InputError for a number out of range, and if no scheduler answers.
         """
         throws = checked("throws", throws, int, {"least": 1, "most": MOST_PREPARED})
@@ -219,15 +263,19 @@ class Planner:
         return len(self.library)
 
     @property
+    @_alone
     def prepared(self) -> int:
         """Number of solved throws that plans may start from."""
         return len(self.library)
 
     @property
+    @_alone
     def library(self) -> Library:
         """The scene's solved throws that the cache has."""
         return self._context.library
 
+    @check_arguments
+    @_alone
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
         target = _checked_target(self.scene, target)
@@ -237,6 +285,7 @@ class Planner:
             check_rest(self.scene.aimed_at(target))
         return target
 
+    @_alone
     def releases(self) -> Releases:
         """The table of sampled releases, from which solves start."""
         return self._releases
@@ -298,6 +347,7 @@ class Options(TypedDict, total=False):
     start: State | None
 
 
+@check_arguments
 def plan(scene: Scene | str | Path, target: Pose | None = None, **options: Unpack[Options]) -> Plan:
     """Plan one throw of a scene (or of a built-in name or TOML file).
 
@@ -307,35 +357,11 @@ def plan(scene: Scene | str | Path, target: Pose | None = None, **options: Unpac
     return Planner(scene).plan(target, **options)
 
 
-#: Default, type and limits of arguments of `Planner.plan`.
-_KINDS: dict[str, tuple[Any, Any, dict[str, float]]] = {
-    "alternatives": (0, int, {"least": 0, "most": MOST_ALTERNATIVES}),
-    "patience": (None, float | None, {"above": 0}),
-    "warm": (None, Plan | None, {}),
-    "start": (None, State | None, {}),
-}
-
-
-def _check_kinds(**values: object) -> None:
-    """InputError for an argument of `Planner.plan` of a wrong type or out of range."""
-    for name, value in values.items():
-        usual, kind, limits = _KINDS[name]
-        if value is not usual:
-            checked(name, value, kind, limits)
-
-
-def _check_one_of(name: str, value: object, allowed: Any) -> None:
-    if value not in get_args(allowed):
-        raise InputError(f"{name} = {value!r}: must be one of {', '.join(get_args(allowed))}")
-
-
 def _checked_target(scene: Scene, target: Pose | None) -> Pose:
     """The target to plan for: the given one or the scene's; InputError if it does not fit."""
-    target = target or scene.target
+    target = scene.target if target is None else target
     if target is None:
         raise InputError(f"{scene.place}: section [target] is missing")
-    if not isinstance(target, Pose):
-        raise InputError(f"target = {target!r}: must be a Pose or a Region")
     if scene.robot is None and target.y != 0.0:
         raise InputError("target y: only for a scene with [robot]")
     least = scene.gripper.profile().dwell + scene.gripper.profile().opening

@@ -169,5 +169,5 @@ def _failed_plan(search: Search, history: History) -> Plan:
 
 def _is_of_kind(warm: PlannedThrow, task: Task) -> bool:
     """Whether a task's NLPs fit a warm plan's throw: not robust, theta fixed in both or neither."""
-    robust = warm.nlp is not None and warm.nlp.structure.robust
+    robust = warm.layout is not None and warm.layout.structure.robust
     return not robust and (warm.deciding.target.theta is None) == (task.target.theta is None)

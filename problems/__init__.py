@@ -7,11 +7,11 @@ and writes, `throws` has measured throws, `urdf` makes arms from robots' files.
 
 from .arms import load_arm
 from .calibration import Calibration, check_level, rank_of
+from .checks import InputError, ThrowplanError, check_arguments, checked
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque
-from .poses import Pose, Region, ThrowPlane
+from .poses import MANY_TURNS, Pose, Region, ThrowPlane
 from .scene import Mesh, Scene
 from .scene_files import as_scene, load_scene, scene_from_table, scene_names, scene_text
-from .section import InputError, ThrowplanError, checked
 from .targets import Choice, Cost, Cup, Landing, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import Distribution, Robust, Uncertainty

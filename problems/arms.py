@@ -18,8 +18,9 @@ from ..models.robot import (
     Tool,
     described,
 )
+from .checks import InputError, within
 from .files import read_text, shipped, toml_lines, toml_tables
-from .section import InputError, from_table, meanings, rows_from, table_of, within
+from .section import from_table, meanings, rows_from, table_of
 
 #: Types of joints in the chain by the name of their tables.
 CHAINS: dict[str, type[Any]] = {"dh": DHRow, "joints": JointFrame}

@@ -8,8 +8,9 @@ from typing import Any, ClassVar
 
 from ..models import SHAPES
 from ..models.release import DECIDING
+from .checks import InputError
 from .files import toml_lines
-from .section import InputError, Section, meanings, optional, quantity, table_of
+from .section import Section, meanings, optional, quantity, table_of
 
 
 def rank_of(throws: int, level: float) -> int:

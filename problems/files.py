@@ -21,7 +21,7 @@ import numpy as np
 
 from ..core.compile import scratch_folder
 from ..models import Array
-from .section import LARGEST, InputError, within
+from .checks import LARGEST, InputError, within
 
 #: Largest magnitude and unit of a number in a CSV file, by its column; clocks may count from 1970.
 COLUMNS = {

@@ -11,7 +11,8 @@ import numpy as np
 
 from ..models import SHAPES, Array, Contact, SurfaceShape
 from ..models.release import GripProfile, LinearGrip, TableGrip
-from .section import InputError, Section, from_table, optional, quantity, within
+from .checks import InputError, within
+from .section import Section, from_table, optional, quantity
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,7 +7,8 @@ import itertools
 import math
 
 from ..models.robot import Arm
-from .section import InputError, Section, optional, quantity
+from .checks import InputError
+from .section import Section, optional, quantity
 
 
 @dataclasses.dataclass(frozen=True)

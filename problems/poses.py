@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 from ..models import Array
 from ..models.robot import Solid
-from .section import InputError, Section, optional, quantity
+from .checks import InputError
+from .section import Section, optional, quantity
+
+#: Full turns of an angle from which messages say that Python takes radians.
+MANY_TURNS = 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,6 +98,21 @@ class Pose(Section):
     #: Time [s] after the start of the motion at which a moving target has this pose; no key of
     #: files.
     since: float = 0.0
+
+    #: What messages call it.
+    DESCRIBED: ClassVar[str] = "a Pose or a Region, or an array of x, z [m] and theta [rad]"
+
+    @classmethod
+    def from_array(cls, values: Array) -> Pose:
+        """The pose of an array x, z [m], theta [rad].
+
+        ValueError for an array of another length or of other than finite numbers, and for an angle
+        of so many turns that it may be in degrees.
+        """
+        x, z, theta = _finite(values)
+        if abs(theta) > MANY_TURNS * 2 * math.pi:
+            raise ValueError
+        return Pose(x, z, theta)
 
     def check(self) -> None:
         """Ranges are a `Region`'s; the earliest arrival is not after the latest."""
@@ -318,6 +337,13 @@ class Region(Pose):
         """The target's pose nearest to a landing at `x` [m], `theta` [rad]."""
         dx, dtheta = self.miss(x, theta)
         return self.in_plane(x - dx, None if self.theta is None else theta - dtheta)
+
+
+def _finite(values: Array) -> list[float]:
+    """The three numbers of an array (3,); ValueError for others."""
+    if values.shape != (3,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+        raise ValueError
+    return [float(value) for value in values]
 
 
 def _words(middle: float, half_width: float, digits: int) -> str:

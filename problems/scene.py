@@ -17,21 +17,11 @@ from ..models import Body, Contact, FlightLaw
 from ..models.robot import Arm
 from .arms import arm_table, load_arm, load_gripper
 from .calibration import Calibration
+from .checks import InputError, Mistakes, check_arguments, within
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque, check_torque, thrown_by
 from .poses import Pose
-from .section import (
-    InputError,
-    Mistakes,
-    Section,
-    hints_of,
-    part_of,
-    quantity,
-    rules,
-    table_of,
-    unit_of,
-    within,
-)
+from .section import Section, hints_of, part_of, quantity, rules, table_of, unit_of
 from .targets import Choice, Cost, Cup, Landing, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
@@ -258,6 +248,7 @@ class Scene(Section):
             scene.check_target_in_cup()
         return scene
 
+    @check_arguments
     def aimed_at(self, target: Pose) -> Scene:
         """The scene with another target; a cup moves in x and z with the target's middle."""
         cup, old = self.cup, self.target
@@ -265,6 +256,13 @@ class Scene(Section):
             dx, dz = target.plane_x - old.plane_x, target.z - old.z
             cup = cup.changed(x=cup.x + dx, rim=cup.rim + dz)
         return self.changed(target=target, cup=cup)
+
+    @check_arguments
+    def fits(self, other: Scene) -> bool:
+        """Whether another scene differs at most in its target, and in where the cup stands."""
+        mine, others = (scene.changed(target=None, cup=None) for scene in (self, other))
+        cups = [scene.cup and scene.cup.changed(x=0.0, rim=0.0) for scene in (self, other)]
+        return mine == others and cups[0] == cups[1]
 
     def without_clearances(self) -> Scene:
         """The scene with all clearances zero: clearances are reserves of a plan."""

@@ -11,11 +11,12 @@ from typing import Any
 from ..models.release import TableGrip
 from ..models.robot import Arm
 from .arms import arm_from, load_arm, load_gripper
+from .checks import InputError, Mistakes, check_arguments, checked, within
 from .files import read_csv, read_text, shipped, toml_tables
 from .grip import held_object
 from .poses import Region
 from .scene import MOVERS, SECTIONS, TOP_KEYS, Scene
-from .section import InputError, Mistakes, checked, from_table, hints_of, rows_from, unknown, within
+from .section import from_table, hints_of, rows_from, unknown
 from .targets import Obstacle
 from .uncertainty import uncertainty_from
 
@@ -25,6 +26,7 @@ def scene_names() -> list[str]:
     return list(shipped("scenes"))
 
 
+@check_arguments
 def scene_text(name: str) -> str:
     """The TOML text of a built-in scene; InputError for an unknown name."""
     if name not in scene_names():
@@ -37,6 +39,7 @@ def as_scene(scene: Scene | str | Path) -> Scene:
     return scene if isinstance(scene, Scene) else load_scene(scene)
 
 
+@check_arguments
 def load_scene(source: str | Path) -> Scene:
     """A scene from a built-in name or a TOML file.
 

@@ -6,69 +6,16 @@ limits. Loading, checking, writing and the reference use this description.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import difflib
 import functools
 import math
-import operator
 import re
 import types
 import typing
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Self
 
-import numpy as np
-
-
-class ThrowplanError(Exception):
-    """Base class of throwplan's exceptions."""
-
-
-class InputError(ThrowplanError, ValueError):
-    """Wrong input. A line for each mistake: where, which value, what is allowed."""
-
-    def __str__(self) -> str:
-        return "\n".join(map(str, self.args))
-
-    def within(self, place: str, colon: str = ": ") -> InputError:
-        """The error with `place` (a file, a section) before each line."""
-        return InputError(*(f"{place}{colon}{line}" for line in str(self).splitlines()))
-
-    @staticmethod
-    def hint(word: str, known: Iterable[str]) -> str:
-        """A hint at the known word most similar to a wrong one; empty without a similar one."""
-        matches = difflib.get_close_matches(word, list(known), 1, 0.4)
-        return f", did you mean '{matches[0]}'?" if matches else ""
-
-
-@contextlib.contextmanager
-def within(place: str, colon: str = ": ", errors: type[ValueError] = InputError) -> Iterator[None]:
-    """Puts `place` (a file, a section) before each line of an error of the block."""
-    try:
-        yield
-    except errors as error:
-        raise InputError(str(error)).within(place, colon) from None
-
-
-class Mistakes:
-    """Collects mistakes, to report them together."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    @contextlib.contextmanager
-    def kept(self) -> Iterator[None]:
-        """Collects an InputError of the block."""
-        try:
-            yield
-        except InputError as error:
-            self.lines += str(error).splitlines()
-
-    def refuse(self) -> None:
-        """Raises an InputError with all collected mistakes, if there are any."""
-        if self.lines:
-            raise InputError(*self.lines)
+from .checks import InputError, Mistakes, checked, within
 
 
 def rules(
@@ -280,108 +227,3 @@ MOVED = {("Mesh", "sticking_margin"): "key 'sticking_margin': moved to [gripper]
 def unknown(key: str, known: Sequence[str]) -> str:
     """'unknown key' message with the nearest known one."""
     return f"unknown key '{key}'{InputError.hint(key, known)} (known: {', '.join(known)})"
-
-
-# Checks of single values.
-
-#: Largest value of a quantity by its unit, unless its field has a lower limit; squares and ratios
-#: of larger values overflow. `_SMALLEST` is the smallest positive value.
-LARGEST = {
-    **{"m": 1e3, "degrees": 1e5, "rad": 1e3, "kg": 1e4, "kg m²": 1e6, "s": 1e4, "Hz": 1e5},
-    **{"m/s": 1e3, "m/s²": 1e5, "rad/s": 1e4, "rad/s²": 1e6, "rad/s³": 1e9, "N": 1e6, "N m": 1e6},
-}
-_SMALLEST = 1e-12
-_LIMITS: dict[str, tuple[Callable[[Any, Any], bool], str]] = {
-    "above": (operator.gt, "above"),
-    "least": (operator.ge, "at least"),
-    "most": (operator.le, "at most"),
-    "below": (operator.lt, "below"),
-}
-
-
-def checked(key: str, value: Any, hint: Any, about: Mapping[str, Any]) -> Any:
-    """A field's value as the type `hint`; InputError for a wrong type or a broken limit."""
-    widest, degrees = about.get("range", 0.0), bool(about.get("degrees"))
-    is_range = bool(widest) and isinstance(value, list | tuple)
-    try:
-        result = _coerce(value, tuple[float, float] if is_range else hint)
-    except (TypeError, ValueError):
-        kind = _describe(hint) + (" or [lowest, highest]" if widest else "")
-        raise InputError(f"{key} = {_in_file_unit(value, degrees)!r}: must be {kind}") from None
-    for item in result if isinstance(result, tuple) else (result,):
-        _check_limits(key, item, about)
-    if is_range and not 0.0 < result[1] - result[0] < widest:
-        found, most = (_in_file_unit(one, degrees) for one in (value, widest))
-        words = f"[lowest, highest], rising, less than {most:g} apart"
-        raise InputError(f"{key} = {found!r}: must be {words}")
-    return result
-
-
-def _in_file_unit(value: Any, degrees: bool) -> Any:
-    """A value in the unit of its file key: degrees for keys in `_deg`."""
-    if isinstance(value, list | tuple):
-        return [_in_file_unit(item, degrees) for item in value]
-    return round(math.degrees(value), 9) if degrees and isinstance(value, float) else value
-
-
-def _coerce(value: Any, hint: Any) -> Any:
-    """`value` as type `hint`; TypeError for another type, ValueError for another length."""
-    if isinstance(value, np.generic | np.ndarray):
-        value = value.tolist()
-    if isinstance(hint, types.UnionType):
-        for option in typing.get_args(hint):
-            with contextlib.suppress(TypeError, ValueError):
-                return _coerce(value, option)
-    elif typing.get_origin(hint) is tuple:
-        if isinstance(value, list | tuple):
-            hints = typing.get_args(hint)
-            hints = hints[:1] * len(value) if hints[-1] is Ellipsis else hints
-            return tuple(_coerce(v, h) for v, h in zip(value, hints, strict=True))
-    elif hint not in (float, int):
-        if isinstance(value, hint):
-            return value
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        if isinstance(value, int) and abs(value) >= 1e308:
-            return math.inf  # No float holds it; the limits refuse it.
-        if hint is float or isinstance(value, int):
-            return hint(value)
-    raise TypeError
-
-
-def _describe(hint: Any) -> str:
-    """The name of a type in messages."""
-    if isinstance(hint, types.UnionType):
-        options = [h for h in typing.get_args(hint) if h is not type(None)]
-        return " or ".join(_describe(h) for h in options)
-    if typing.get_origin(hint) is tuple:
-        args = typing.get_args(hint)
-        count = "" if args[-1] is Ellipsis else f" of {len(args)}"
-        return f"a list{count}, each {_describe(args[0])}"
-    names = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
-    return names.get(hint, getattr(hint, "__name__", str(hint)))
-
-
-def _check_limits(key: str, item: Any, about: Mapping[str, Any]) -> None:
-    """InputError for a text that is no choice, and a number that is not finite or outside."""
-    choices = about.get("choices")
-    if isinstance(item, str) and choices and item not in choices:
-        hint = InputError.hint(item, choices)
-        raise InputError(f"{key} = {item!r}: must be one of {', '.join(choices)}{hint}")
-    if isinstance(item, bool) or not isinstance(item, int | float):
-        return
-    in_file = math.degrees(item) if about.get("degrees") else item
-    if not math.isfinite(item):
-        raise InputError(f"{key} = {in_file}: must be a finite number")
-    begins = re.match(r"kg m²|N m|\w+(/s[²³]?)?", about.get("meaning", ""))
-    largest = LARGEST.get(begins[0], math.inf) if begins else math.inf
-    if about.get("degrees"):
-        largest = math.radians(largest)
-    bounds = {"most": largest, "least": -largest}
-    if largest < math.inf and about.get("above") == 0:
-        bounds["least"] = _SMALLEST
-    for name, (holds, words) in _LIMITS.items():
-        limit = about.get(name, bounds.get(name))
-        if limit is not None and not holds(item, limit):
-            limit = math.degrees(limit) if about.get("degrees") else limit
-            unit = f" {about['unit']}" if about.get("unit") else ""
-            raise InputError(f"{key} = {in_file:g}: must be {words} {limit:g}{unit}")

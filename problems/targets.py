@@ -11,8 +11,9 @@ import numpy as np
 
 from ..models.release import DECIDING
 from ..models.robot import Solid, about_z
+from .checks import InputError
 from .poses import Pose
-from .section import InputError, Section, optional, quantity
+from .section import Section, optional, quantity
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from ..models import SHAPES, Array, Contact, Indices
+from ..models import SHAPES, Array, Contact, Indices, ReadOnly
 from ..models.release import TableGrip
 from ..models.robot import Arm
 from .arms import load_arm
+from .checks import InputError, check_arguments, within
 from .files import (
     csv_lines,
     filling,
@@ -40,17 +41,7 @@ from .grip import (
     held_object,
     surface_shape,
 )
-from .section import (
-    InputError,
-    Section,
-    from_table,
-    meanings,
-    optional,
-    quantity,
-    table_of,
-    unknown,
-    within,
-)
+from .section import Section, from_table, meanings, optional, quantity, table_of, unknown
 
 #: Required columns of throws.csv.
 NEEDED = ("throw", "object", "motion", "grip", "command")
@@ -110,7 +101,7 @@ class Shared(Section):
 
 
 @dataclasses.dataclass(frozen=True)
-class MeasuredThrow:
+class MeasuredThrow(ReadOnly):
     """The recording of one throw.
 
     motion: times (K,) [s] and columns (K, n): the hand's x, z, theta or the arm's joints; command
@@ -147,8 +138,12 @@ class ThrowData:
     arm: Arm | None = dataclasses.field(default=None, repr=False)
     truth: dict[str, float] = dataclasses.field(default_factory=dict)
 
+    @check_arguments
     def picked(self, numbers: Indices | list[int]) -> ThrowData:
-        """The data set of the given throws."""
+        """The data set of the given throws, by their numbers from 0; InputError for others."""
+        count = len(self.throws)
+        if not all(-count <= i < count for i in numbers):
+            raise InputError(f"numbers: must be below {count}, the number of throws")
         return dataclasses.replace(self, throws=tuple(self.throws[i] for i in numbers))
 
     @property
@@ -170,6 +165,7 @@ class ThrowData:
 # Reading.
 
 
+@check_arguments
 def load_throws(folder: str | Path) -> ThrowData:
     """The data set in `folder`.
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from ..models import Array
 from . import section
-from .section import InputError, Section, from_table, optional, quantity, table_of, unknown
+from .checks import InputError
+from .section import Section, from_table, optional, quantity, table_of, unknown
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,7 +11,18 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ..body import Array, Body, Contact, Flags, FlightState, HandTrack, held_wrench, sticking_state
+from ..body import (
+    Array,
+    Body,
+    Contact,
+    Flags,
+    FlightState,
+    HandTrack,
+    ReadOnly,
+    held_wrench,
+    read_only,
+    sticking_state,
+)
 from ..trajectory import Throws, Trajectory
 from .grip import GripProfile
 
@@ -92,7 +103,7 @@ def onsets(time: float, load: Array, arm: float) -> tuple[float | None, float | 
 
 
 @dataclass(frozen=True)
-class Release:
+class Release(ReadOnly):
     """One release by one model.
 
     times (K,) from the start of the opening [s]; com (3, K) and com_twist (3, K) of the body;
@@ -125,7 +136,7 @@ class Release:
     @cached_property
     def end(self) -> Array:
         """CoM pose and twist (6,) at the end of the opening; (6, N) of N releases."""
-        return np.concatenate([self.com[:, -1], self.com_twist[:, -1]])
+        return read_only(np.concatenate([self.com[:, -1], self.com_twist[:, -1]]))
 
     @cached_property
     def detach(self) -> FlightState:
@@ -192,7 +203,7 @@ class ReleaseBatch:
 
 
 @dataclass(frozen=True)
-class BatchRelease:
+class BatchRelease(ReadOnly):
     """The results of N releases.
 
     detach (N, 6): CoM pose and twist at the end of the opening, NaN for a failed one, with the

@@ -12,12 +12,12 @@ import numpy as np
 
 from ...core import library
 from ..backend import Value
-from ..body import Array
+from ..body import Array, ReadOnly
 from .kinematics import PlanarArm
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class Solid(ReadOnly):
     """A box grown by `radius` [m]: a sphere without extents, a capsule with one extent.
 
     centre (3,) [m]; axes (3, 3): its directions as rows; half (3,) [m]: half its extents.
@@ -60,7 +60,7 @@ def segment_distance(begin: Array, end: Array, other: Array, last: Array) -> Arr
 
 
 @dataclass(frozen=True, eq=False)
-class ArmCapsules:
+class ArmCapsules(ReadOnly):
     """An arm's capsules under the motion of its throwing joints, in the plane at azimuth 0.
 
     number (C,): of the arm's link; 0 is the base, the last one the hand. moved_by (C,): the link of

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...core import AXES, FRAMES, LinkageC
 from ..backend import Value, backend, components
-from ..body import Array
+from ..body import Array, read_only
 from .arm import Arm, LinkInertia
 
 #: Values of a link or a joint.
@@ -147,7 +147,7 @@ class PlanarArm:
         """4x4 poses with all coordinates 0: of each joint, then of the hand as in `Arm.links`."""
         *frames, flange, hand = self.placed(np.zeros(self.coordinates))
         hand[:3, 3] = flange[:3, 3]
-        return [*frames, hand]
+        return [*map(read_only, (*frames, hand))]
 
     def points(self, q: ca.SX) -> ca.SX:
         """2 x n points (x, z) of the arm in the plane: joint frames, flange and TCP."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models import Array
-from ...problems import InputError
+from ...models import Array, ReadOnly
+from ...problems import InputError, check_arguments
 from ..throw import TICK
 
 #: Smallest and largest rate [1/s] of a joint's lag.
@@ -16,7 +16,7 @@ RATES = (2.0, 500.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class Response(ReadOnly):
     """Joint by joint dq = rate (sent - q) + share d(sent)/dt: rate [1/s] and share, each (n,).
 
     A lag of (1 - share) / rate; a share below 0 is a delay beside it.
@@ -26,12 +26,12 @@ class Response:
     share: Array
 
     @classmethod
+    @check_arguments
     def fitted(cls, sent: Array, q: Array) -> Response:
         """Least-squares fit to joints (N, n) [rad] sent and measured at 1 kHz from rest on.
 
         InputError if they are not finite numbers of equal shape.
         """
-        sent, q = np.asarray(sent, float), np.asarray(q, float)
         right = sent.shape == q.shape and sent.ndim == 2 and len(sent) > 1
         if not right or not np.isfinite([sent, q]).all():
             raise InputError("sent, q: must be finite numbers, a row per ms and a column per joint")
@@ -46,10 +46,12 @@ class Response:
             found.append((rate, share))
         return cls(*np.array(found).T)
 
+    @check_arguments
     def of(self, joint: int, sent: Array) -> Array:
         """The response of joint number `joint` to `sent` (N, ...), which begins at rest."""
         return _lagging(self.rate[joint], self.share[joint], sent)
 
+    @check_arguments
     def all(self, sent: Array) -> Array:
         """The response of all joints to `sent` (..., N, n); of rates and accelerations alike."""
         return np.moveaxis(_lagging(self.rate, self.share, np.moveaxis(sent, -2, 0)), 0, -2)

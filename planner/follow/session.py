@@ -12,13 +12,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from threading import Lock
+from typing import Any, Literal
 
 import numpy as np
 
-from ...models import Array, Trajectory
+from ...models import Array, ReadOnly, Trajectory
 from ...models.robot import PlanarArm
-from ...problems import InputError, Pose, checked
+from ...problems import InputError, Pose, check_arguments, checked
 from ..result import Plan, joint_samples
 from ..search import NlpCache, error_over
 from ..throw import (
@@ -64,7 +65,7 @@ SETTINGS = SessionSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class Update:
+class Update(ReadOnly):
     """What is to be sent from now on.
 
     status: "followed": corrected; "kept": as it was, with the reason in `message`; "committed": too
@@ -104,8 +105,8 @@ class Session:
         """
         if not isinstance(problems.manipulator.kinematics, PlanarArm):
             raise InputError("follow: only for a scene with [robot]")
-        if plan.throw is None or not plan.solved or plan.manipulator is not problems.manipulator:
-            raise InputError("follow: needs a solved plan of this planner")
+        if plan.throw is None or not plan.solved:
+            raise InputError("follow: needs a solved plan")
         self.throw = plan.throw.deciding if sent is None else sent
         if not 0.0 < horizon < self.throw.command_time:
             most = f"below {self.throw.command_time:.3f}, when the gripper is told to open"
@@ -124,11 +125,26 @@ class Session:
         self._follower = Follower(problems.manipulator.size, response)
         self._matrix: Array | None = None
         self._time, self._is_stopped, self._brake, self._stepped_from = -math.inf, False, 0, -1
-        # What is built when it is first used is built before the swing.
+        self._lock = Lock()
+        self._build()
+
+    def _build(self) -> None:
+        """Builds before the swing what is built when it is first used."""
         self._violation(self.throw, self._expectation(self._target, 0.0))
-        for rest in filter(None, found[:1]):
+        rest = self._rest_of_swing(self.throw, 0)
+        if rest is not None and self._directions:
             rest.step(np.zeros(len(self._directions[0].change)))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """The state of a copy, which has a lock of its own."""
+        return {name: value for name, value in vars(self).items() if name != "_lock"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """A copy builds its NLP anew."""
+        vars(self).update(state, _lock=Lock())
+        self._build()
+
+    @check_arguments
     def update(self, t: float, q: Array, dq: Array, target: Pose | None = None) -> Update:
         """What to send from `t` + horizon on, by what was measured at time `t` [s] of the swing.
 
@@ -136,8 +152,13 @@ class Session:
         `t`, in the throw's plane, and how it moves; without one the plan's. A target out of reach
         is no error: the motion is kept, and stopped before the opening where it would miss by more
         than 0.03 m (pose error). InputError for numbers that are none, a time that does not rise,
-        joints or a target that are not there; the motion is then as before.
+        joints or a target that are not there; the motion is then as before. Safe to call from any
+        thread: calls wait for each other, not for the planner.
         """
+        with self._lock:
+            return self._update(t, q, dq, target)
+
+    def _update(self, t: float, q: Array, dq: Array, target: Pose | None) -> Update:
         q, target = self._checked(t, q, dq, target)
         interval, self._time = min(t - self._time, self._horizon), t
         self._follower.learn(max(t, 0.0), q, self.throw.samples.q)
@@ -160,7 +181,7 @@ class Session:
 
     def _checked(self, t: float, q: Array, dq: Array, target: Pose | None) -> tuple[Array, Pose]:
         """Throwing joints and the target; InputError for what is wrong."""
-        t = checked("t", t, float, {"meaning": "s"})
+        checked("t", t, float, {"meaning": "s"})
         if t <= self._time:
             raise InputError(f"t = {t:g}: must be above {self._time:g}, the last update's")
         if t > self._end_time:
@@ -169,10 +190,7 @@ class Session:
         assert arm is not None
         found = []
         for name, values in (("q", q), ("dq", dq)):
-            try:
-                numbers = np.asarray(values).astype(float, casting="same_kind")
-            except (TypeError, ValueError):
-                raise InputError(f"{name}: must be numbers") from None
+            numbers = np.asarray(values)
             if numbers.shape == (arm.joints,):
                 numbers = numbers[[j - 1 for j in arm.throwing_joints]]
             if numbers.shape != (manipulator.size,) or not np.isfinite(numbers).all():
@@ -184,7 +202,7 @@ class Session:
         if target is None:
             # Its pose is at time zero.
             return found[0], self._target.at(t)
-        if (checked("target", target, Pose, {}).theta is None) != (self._target.theta is None):
+        if (target.theta is None) != (self._target.theta is None):
             raise InputError("target: must fix theta if the plan's target does, else not")
         plane, target = self._target.plane, target.with_lateral(self._target.lateral)
         turned = abs(target.plane.azimuth - plane.azimuth)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, ReadOnly
 from ..ocp import CondensedQp, ReducedVariables, Refinement, Request, Solution
 from ..search import Clock, NlpCache, initial_guess_from, remaining_trajectory
 from ..throw import TICK, State, Throw
@@ -100,7 +100,7 @@ class RestOfSwing:
 
 
 @dataclass(frozen=True, eq=False)
-class Direction:
+class Direction(ReadOnly):
     """Change (L, 3, K, n) of q, dq, ddq from sample `first` until the pads are open, per change of
     the landing's x [m] and theta [rad] (L components)."""
 

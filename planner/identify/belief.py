@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, ReadOnly
 from ...problems import Distribution, PadContact, Scene, Uncertainty
 from ...problems.files import toml_lines
 from ...problems.throws import Shared
@@ -25,7 +25,7 @@ ASSUMED = {"friction": 0.4, "patch_radius": 0.25, "delay": 0.01, "grip_scale": 0
 
 
 @dataclass(frozen=True)
-class Belief:
+class Belief(ReadOnly):
     """Mean (P,) and covariance (P, P) of the unknowns `names`.
 
     friction, patch_radius [m] and grip_scale by their natural logarithms, delay in seconds.

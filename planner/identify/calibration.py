@@ -11,7 +11,16 @@ import numpy as np
 
 from ...models import Array
 from ...models.release import MODELS
-from ...problems import Calibration, InputError, Scene, as_scene, check_level, checked, rank_of
+from ...problems import (
+    Calibration,
+    InputError,
+    Scene,
+    as_scene,
+    check_arguments,
+    check_level,
+    checked,
+    rank_of,
+)
 from ...problems.files import filling, write_json
 from ...problems.throws import ThrowData, load_throws
 from ..show import BLUE, GREEN, GREY, RED, new_figure, save
@@ -43,6 +52,7 @@ class Calibrated:
     section: Calibration
     scene: Scene
 
+    @check_arguments
     def apply(self, scene: Scene) -> Scene:
         """A scene with this [calibration], and the contact fitted to the throws if it was."""
         fit = self.residuals.fit
@@ -113,6 +123,7 @@ class Calibrated:
         before = "" if fit is None else contact_text(fit, contact) + "\n"
         return f"{before}# From {self.source}.\n{self.section.text}\n"
 
+    @check_arguments
     def save(self, folder: str | Path) -> None:
         """Write calibrate.json, calibration.toml and the picture."""
         with filling(Path(folder), FILES) as scratch:
@@ -121,6 +132,7 @@ class Calibrated:
             write_json(scratch / "calibrate.json", self.to_dict())
 
 
+@check_arguments
 def calibrate(
     data: ThrowData | str | Path,
     scene: Scene | str | Path,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...models.release import MODELS, STEPPED_SURFACE
-from ...problems import InputError, Scene
+from ...problems import InputError, Scene, check_arguments
 from ...problems.files import filling, write_json
 from ...problems.throws import ThrowData
 from ..show import BLUE, GREEN, GREY, new_figure, save
@@ -53,6 +53,7 @@ class Identified:
     evaluations: int
     seconds: float
 
+    @check_arguments
     def apply(self, scene: Scene) -> Scene:
         """The scene with the posterior as its contact and uncertainty."""
         return applied(self.posterior, scene)
@@ -110,11 +111,13 @@ class Identified:
             )
         return "\n".join(lines)
 
+    @check_arguments
     def save(self, folder: str | Path) -> None:
         """Write identify.json, the picture and contact.toml."""
         save_identified([self], Path(folder))
 
 
+@check_arguments
 def identify(
     data: ThrowData,
     model: str = "",

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models import Array, Indices
 from ...models.release import TableGrip
-from ...problems import InputError, Scene, checked
+from ...problems import InputError, Scene, check_arguments, checked
 from ...problems.throws import MeasuredThrow, Shared, ThrowData
 from ..result import Plan, sent_throw
 from ..throw import TICK
@@ -116,9 +116,10 @@ def conditions(data: ThrowData) -> list[tuple[str, ...]]:
     return [tuple(throw.factors[name] for name in columns) for throw in data.throws]
 
 
+@check_arguments
 def throw_data(
     plans: Sequence[Plan],
-    landings: Sequence[tuple[float, float]] | None = None,
+    landings: Sequence[tuple[float, float] | None] | None = None,
     position_noise: float = 0.005,
     angle_noise: float = math.radians(2.0),
 ) -> ThrowData:
@@ -128,7 +129,7 @@ def throw_data(
     angle_noise [rad]: their standard deviations. Raises InputError for an empty list, for targets
     at several heights, and for landings that are not pairs of numbers.
     """
-    if isinstance(plans, Plan) or not plans:
+    if not plans:
         raise InputError("plans: must be a list of at least one plan")
     scene, height = plans[0].scene, plans[0].target.z
     if any(abs(plan.target.z - height) > 1e-9 for plan in plans):

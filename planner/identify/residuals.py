@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, ReadOnly
 from ...problems import InputError, Scene
 from ...problems.files import csv_lines, table_number
 from ...problems.throws import ThrowData
@@ -26,7 +26,7 @@ SAME_OBJECT, SAME_FORCE = 0.01, 0.1
 
 
 @dataclass(frozen=True)
-class Residuals:
+class Residuals(ReadOnly):
     """N measured throws against their prediction.
 
     names: of the throws; landing (N, 2): measured less predicted, dx [m] and dtheta [rad]; twist
@@ -42,6 +42,7 @@ class Residuals:
 
     def __post_init__(self) -> None:
         """Refuses throws without a predicted landing, and angles that count other full turns."""
+        super().__post_init__()
         for name, (dx, turn) in zip(self.names, self.landing.tolist(), strict=True):
             if not math.isfinite(dx + turn):
                 raise InputError(f"throw {name}: no landing: the model lets it fall nowhere")

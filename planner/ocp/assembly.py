@@ -36,7 +36,7 @@ import numpy as np
 
 from ...core.compile import digest, source_of
 from ...models import Array
-from .stages import Block, Instants, Parameters, Stage
+from .stages import Block, Instants, Layout, Parameters, Stage, Structure
 
 #: Largest number of intermediates in a stage with shared common expressions. Beyond it (scenarios)
 #: sharing costs more than half of the build and saves a fifth of the evaluation.
@@ -242,18 +242,16 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Nlp:
+class Nlp(Layout):
     """An assembled NLP.
 
-    problem: x, p, f, g (MX) for `casadi.nlpsol`; layout: (block, stage, slice of x);
-    row_names, lbg, ubg: one entry per row of g; landing: function (x, p) -> landing pose
-    (x, z, theta).
+    problem: x, p, f, g (MX) for `casadi.nlpsol`; row_names, lbg, ubg: one entry per row of g;
+    landing: function (x, p) -> landing pose (x, z, theta).
     """
 
     problem: dict[str, ca.MX]
     parameters: Parameters
     links: list[Link]
-    layout: list[tuple[Block, int, slice]]
     row_names: list[str]
     lbg: Array
     ubg: Array
@@ -266,41 +264,22 @@ class Nlp:
         return list(states), list(controls), list(rows)
 
     @property
-    def size(self) -> tuple[int, int]:
-        """(variables, constraints)."""
-        return self.problem["x"].numel(), self.problem["g"].numel()
-
-    def count(self, name: str) -> int:
-        """Number of blocks of a name, by their indices."""
-        return len({block.index for block, _, _ in self.layout if block.name == name})
-
-    def fill(self, value: Callable[[Block, int], Any]) -> Array:
-        """Decision vector from `value(block, stage)`, an array or number for each block."""
-        x = np.zeros(self.size[0])
-        for block, stage, where in self.layout:
-            x[where] = value(block, stage)
-        return x
-
-    @cached_property
-    def places(self) -> dict[tuple[str, int, int], slice]:
-        """Slices of x by name, stage and index of a block."""
-        return {(block.name, k, block.index): where for block, k, where in self.layout}
-
-    def block(self, x: Array, name: str, stage: int, index: int = 0) -> Array | None:
-        """Values of a block at `stage`, None if it is no variable."""
-        where = self.places.get((name, stage, index))
-        return None if where is None else x[where]
+    def layout(self) -> Layout:
+        """The layout alone."""
+        return Layout(self.structure, self.blocks, self.size)
 
 
-def assemble(stages: list[Stage], parameters: Parameters, landing: ca.SX, at: int) -> Nlp:
+def assemble(
+    structure: Structure, stages: list[Stage], parameters: Parameters, landing: ca.SX
+) -> Nlp:
     """The NLP of a chain of stages, in block order.
 
-    Stages may share a kind. landing: expression in the variables of stage `at`.
+    Stages may share a kind. landing: expression in the variables of the stage at detach.
     """
-    symbol = parameters.symbol
+    symbol, at = parameters.symbol, structure.detach
     kinds: dict[int, StageFunctions] = {}
     links: list[Link] = []
-    layout: list[tuple[Block, int, slice]] = []
+    blocks: list[tuple[Block, int, slice]] = []
     rows: list[tuple[str, float, float]] = []
     end = 0
     for k, stage in enumerate(stages):
@@ -308,7 +287,7 @@ def assemble(stages: list[Stage], parameters: Parameters, landing: ca.SX, at: in
             kinds[id(stage)] = StageFunctions(stage, symbol, f"stage{len(kinds)}")
         begin, gap = end, len(rows)
         for block, value in [*stage.states.items(), *stage.controls.items()]:
-            layout.append((block, k, slice(end, end + value.numel())))
+            blocks.append((block, k, slice(end, end + value.numel())))
             end += value.numel()
         for value in stage.following.values():
             rows += [(f"gap {k}", 0.0, 0.0)] * value.numel()
@@ -331,7 +310,8 @@ def assemble(stages: list[Stage], parameters: Parameters, landing: ca.SX, at: in
     landed = ca.Function("landing", [x, p], [pose(x[links[at].v], p)])
     names, low, high = zip(*rows, strict=True)
     bounds = np.array(low), np.array(high)
-    return Nlp(problem, parameters, links, layout, list(names), *bounds, landed)
+    size = end, len(rows)
+    return Nlp(structure, blocks, size, problem, parameters, links, list(names), *bounds, landed)
 
 
 def _ahead(links: list[Link]) -> ca.DM:

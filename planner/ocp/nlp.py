@@ -33,9 +33,8 @@ BINDING_DISTANCE = 1e-4
 
 @dataclass(frozen=True)
 class ThrowNlp(Nlp):
-    """The NLP of a throw, with its structure and the constraints of its scene."""
+    """The NLP of a throw, with the constraints of its scene."""
 
-    structure: Structure
     constraints: list[SceneConstraint]
 
     @property
@@ -129,7 +128,7 @@ class ThrowNlp(Nlp):
             if inequality:
                 add(self.row_names[row], solution.lam_g[row])
         distance = np.minimum(solution.x - bounds[0], bounds[1] - solution.x)
-        for block, _, where in self.layout:
+        for block, _, where in self.blocks:
             for i, at in enumerate(range(where.start, where.stop)):
                 if block.limit and distance[at] < BINDING_DISTANCE:
                     joint = f"{joints[i]} " if block.each else ""
@@ -164,8 +163,8 @@ def build_nlp(request: Request) -> ThrowNlp:
     )
     ocp = Ocp(structure, manipulator)
     landing = ThrowProblem(ocp, constraints).declare()
-    nlp = assemble(ocp.stages, ocp.parameters, landing, structure.detach)
-    return ThrowNlp(**vars(nlp), structure=structure, constraints=constraints)
+    nlp = assemble(structure, ocp.stages, ocp.parameters, landing)
+    return ThrowNlp(**vars(nlp), constraints=constraints)
 
 
 def _constraints_of(request: Request) -> list[SceneConstraint]:

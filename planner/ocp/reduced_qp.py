@@ -10,18 +10,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from threading import Lock
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ...core import MoveC, library
-from ...models import Array, Flags, Indices, Trajectory
-from .nlp import ThrowNlp
+from ...models import Array, Flags, Indices, ReadOnly, Trajectory
 from .problem import Weights, mean_effort, variable_bounds
 from .request import BASE, Refinement, Request
 from .solver import Solution, Solver
-from .stages import JERK_UNIT
+from .stages import JERK_UNIT, Layout
 
 Bounds = tuple[Array, Array]
 
@@ -79,12 +79,12 @@ class ReducedVariables:
         core.attach(**{name: np.ascontiguousarray(v, float) for name, v in arrays.items()})
         return core
 
-    def places(self, nlp: ThrowNlp) -> list[int]:
+    def places(self, layout: Layout) -> list[int]:
         """Indices (size,) of u in the NLP's decision vector."""
         free = self.request.manipulator.start is None
         names = [("T", 0), *([("q", 0)] if free else [])]
-        names += [("c", k) for k in range(nlp.structure.last)]
-        blocks = [nlp.places[name, k, 0] for name, k in names]
+        names += [("c", k) for k in range(layout.structure.last)]
+        blocks = [layout.places[name, k, 0] for name, k in names]
         return [i for where in blocks for i in range(where.start, where.stop)]
 
     def motion(self, u: Array) -> tuple[Trajectory, float]:
@@ -126,7 +126,7 @@ class ReducedVariables:
 
 
 @dataclass(frozen=True, eq=False)
-class Optimum:
+class Optimum(ReadOnly):
     """A solved throw and its sensitivity to the target.
 
     u (size,): see `ReducedVariables`. slope (size, 2; 1 with theta open): du / d(landing x [m],
@@ -173,6 +173,10 @@ class QpSettings:
 
 
 QP = QpSettings()
+#: CasADi's names of a QP's matrices and bounds.
+QP_INPUTS = ("h", "g", "a", "lba", "uba", "lbx", "ubx")
+#: DAQP's solvers serve all threads, and `stats` is that of the last call of any thread.
+_DAQP_LOCK = Lock()
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,10 +316,7 @@ class CondensedQp:
         gradient = np.concatenate([-self.hessian @ centre, prices, prices, [QP.violation_price]])
         target = np.hstack([self.landing, np.eye(misses), -np.eye(misses), np.zeros((misses, 1))])
         broken_now = np.where(self.lower > QP.zero, 1.0, np.where(self.upper < -QP.zero, -1.0, 0.0))
-        bounds = (
-            np.append(-longest, np.zeros(slacks)),
-            np.append(longest, np.full(slacks, np.inf)),
-        )
+        bounds = np.append(-longest, np.zeros(slacks)), np.append(longest, [np.inf] * slacks)
         reach = QP.reach + float(np.linalg.norm(centre))
         included = (self.lower > -reach) | (self.upper < reach)
         for _ in range(QP.rounds):
@@ -368,12 +369,12 @@ def _solve_qp(
 ) -> tuple[Array, Array]:
     """Minimum of a QP and the multipliers of its rows, by DAQP; NaN without a solution."""
     solver = _daqp_solver(*rows.shape)
-    result = solver(
-        **{"h": hessian, "g": gradient, "a": rows, "lba": between[0], "uba": between[1]},
-        **{"lbx": bounds[0], "ubx": bounds[1]},
-    )
-    z = np.array(result["x"]).ravel()
-    return z if solver.stats()["success"] else z * np.nan, np.array(result["lam_a"]).ravel()
+    values = hessian, gradient, rows, *between, *bounds
+    with _DAQP_LOCK:
+        result = solver(**dict(zip(QP_INPUTS, values, strict=True)))
+        success = solver.stats()["success"]
+    z, multipliers = (np.array(result[name]).ravel() for name in ("x", "lam_a"))
+    return z if success else z * np.nan, multipliers
 
 
 @lru_cache(maxsize=64)

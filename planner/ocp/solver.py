@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from ...core.compile import compiled
-from ...models import Array
+from ...models import Array, ReadOnly
 from .assembly import Nlp, nlp_functions, nlp_key
 
 
@@ -141,7 +141,7 @@ def _await_end(future: Future[Any], clocks: list[int], limit: float, end: float)
 
 
 @dataclass(frozen=True)
-class Solution:
+class Solution(ReadOnly):
     """Point, multipliers, cost and status of a solve."""
 
     x: Array

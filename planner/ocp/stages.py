@@ -17,7 +17,9 @@ start pose, the object under full grip.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -113,6 +115,39 @@ T_F = Block("t_f", "s", "flight time")
 PLACE = Block("place", "half the width")
 #: Slacks of an elastic landing below and above its target, of x (index 0) and theta (1).
 SLACKS = (Block("undershoot", "m; rad"), Block("overshoot", "m; rad"))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where an NLP has its decision variables; plain data, which plans keep and hand on.
+
+    blocks: (block, stage, slice of x); size: (variables, constraints).
+    """
+
+    structure: Structure
+    blocks: list[tuple[Block, int, slice]]
+    size: tuple[int, int]
+
+    def count(self, name: str) -> int:
+        """Number of blocks of a name, by their indices."""
+        return len({block.index for block, _, _ in self.blocks if block.name == name})
+
+    def fill(self, value: Callable[[Block, int], Any]) -> Array:
+        """Decision vector from `value(block, stage)`, an array or number for each block."""
+        x = np.zeros(self.size[0])
+        for block, stage, where in self.blocks:
+            x[where] = value(block, stage)
+        return x
+
+    @cached_property
+    def places(self) -> dict[tuple[str, int, int], slice]:
+        """Slices of x by name, stage and index of a block."""
+        return {(block.name, k, block.index): where for block, k, where in self.blocks}
+
+    def block(self, x: Array, name: str, stage: int, index: int = 0) -> Array | None:
+        """Values of a block at `stage`, None if it is no variable."""
+        where = self.places.get((name, stage, index))
+        return None if where is None else x[where]
 
 
 @dataclass

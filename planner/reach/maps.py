@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array
-from ...problems import InputError, Scene, as_scene, checked
+from ...models import Array, ReadOnly
+from ...problems import InputError, Scene, as_scene, check_arguments, checked
 from ...problems.files import filling
 from ..library import Library
 from ..ocp import CUP_MARGIN, FLIGHT_MAX
@@ -52,7 +52,7 @@ MAP_FILES = ("map.png", "map.npz")
 
 
 @dataclass(frozen=True, eq=False)
-class ReachMap:
+class ReachMap(ReadOnly):
     """Landing poses that sampled throws of `scene` reach at height `z` [m].
 
     samples: states drawn. x_edges (X + 1,) [m] and theta_edges (T + 1,) [rad] of the bins;
@@ -99,6 +99,7 @@ class ReachMap:
         angle = None if theta is None else float(theta[1] - theta[0])
         return float(self.x_edges[1] - self.x_edges[0]), angle
 
+    @check_arguments
     def bin_of(self, x: float, theta: float | None = None) -> tuple[int, int] | None:
         """Indices of the bin at `x` [m], `theta` [rad]; None outside all bins."""
         i = place(self.x_edges, x)
@@ -107,6 +108,7 @@ class ReachMap:
             j = place(self.theta_edges, theta)
         return None if i < 0 or j < 0 else (i, j)
 
+    @check_arguments
     def contains(self, x: float, theta: float | None = None) -> bool:
         """Whether a throw landed in the bin of `x` [m], `theta` [rad]; None: at any theta."""
         found = self.bin_of(x, theta)
@@ -116,6 +118,7 @@ class ReachMap:
             return bool(self.landings[found[0]].any())
         return bool(self.landings[found] > 0)
 
+    @check_arguments
     def distance(self, x: float, theta: float | None = None) -> float:
         """Scaled distance [m] to the nearest landing: |dx| + |dtheta| length / 2 (39).
 
@@ -128,6 +131,7 @@ class ReachMap:
             turn = self.theta - theta
         return float(self.scene.object.pose_error(self.x - x, turn).min())
 
+    @check_arguments
     def to_dict(self, file: Path | None = None) -> dict[str, Any]:
         """The JSON object of `throwplan map`; a message is in it only if nothing is in reach."""
         nothing = not self.reachable
@@ -188,6 +192,7 @@ class ReachMap:
         different = "1 throw" if count == 1 else f"{count:,} different throws"
         return f"{words}: in reach, {different} in its bin, best margin {margin:.0f} %"
 
+    @check_arguments
     def save(self, folder: str | Path) -> Path:
         """Write map.png and map.npz, all or nothing; returns the path of map.npz.
 
@@ -220,6 +225,7 @@ class ReachMap:
         return MapPicture(title, *bins, self.solved, self.beyond, target, self.z)
 
 
+@check_arguments
 def reach_map(
     scene: Scene | str | Path,
     z: float | None = None,

@@ -10,9 +10,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
-from ...problems import InputError, scene_from_table
+from ...problems import InputError, check_arguments, scene_from_table
 from ...problems.files import read_csv, read_text
 from ..show import over_time
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
@@ -70,7 +70,7 @@ class SavedThrow(Throw):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class PlanPath:
+class PlanPath(ReadOnly):
     """A throw over time, from rest until the object lands; with [rest] until it rests.
 
     times (N,) [s], every millisecond; poses (N, 3): x, z [m], theta [rad] of the object's CoM in
@@ -95,6 +95,7 @@ def path_of(throw: Throw) -> PlanPath:
     return PlanPath(line.times, line.com.T, line.hand.T, joints)
 
 
+@check_arguments
 def read_plan(path: str | Path) -> SavedThrow:
     """The throw of a plan.json (or its folder) and its motion.csv, simulated again.
 

@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ...problems import InputError, Pose, Scene
+from ...problems import InputError, Pose, Scene, check_arguments
 from ...problems.files import filling, plain, write_json
 from .. import show
 from ..ocp import load_curve
@@ -175,11 +175,12 @@ class Plan:
             ]
         return more
 
+    @check_arguments
     def save(self, folder: str | Path, draw: Draw = True) -> Plan:
         """Write plan.json and, for a throw, motion.csv and (draw) throw.png, throw.gif.
 
         draw: "png" draws throw.png alone, False neither. Returns the plan with the time of
-        drawing. Raises InputError, and leaves no files, if the folder cannot be written.
+        drawing. Raises InputError, and leaves the folder as it was, if it cannot be written.
         """
         plan, failure = self, ""
         with filling(Path(folder), FILES) as scratch:
@@ -208,10 +209,14 @@ class Plan:
             show.draw_throw(throw, folder / "throw.png", load)
             if draw != "png":
                 show.draw_throw_moving(throw, folder / "throw.gif")
+        except OSError:
+            # A full disk: what the folder has, earlier pictures too, stays as it is.
+            raise
         except Exception as error:  # A user's settings make Matplotlib raise anything.
             return " ".join(str(error).split()) or type(error).__name__
         return ""
 
+    @check_arguments
     def draw(self, file: str | Path | None = None) -> Figure:
         """The picture of the throw, a Matplotlib figure, also written to `file` (.png) if given.
 
@@ -341,6 +346,7 @@ def throw_of(plan: Plan | Throw | str | Path) -> Throw:
     return plan if isinstance(plan, Throw) else sent_throw(plan)
 
 
+@check_arguments
 def draw_flight(axes: Axes, plan: Plan | Throw | str | Path, **look: Any) -> None:
     """The path of the object's CoM from the opening to its end, in axes of your own.
 

@@ -9,7 +9,7 @@ from functools import cached_property
 from ...models import Trajectory
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import Pose, Scene
-from ..ocp import BASE, Optimum, Refinement, Solution, ThrowNlp
+from ..ocp import BASE, Layout, Optimum, Refinement, Solution
 from ..throw import Manipulator, Samples, Throw
 from ..verdict import RestCount, count_rests
 
@@ -21,8 +21,8 @@ class PlannedThrow:
     planned: the motion up to detach. deciding: the motion that is sent, by the tolerance's model.
     effort: cost of the NLP. nlp_size: variables and constraints of the NLP. refinement: its lazy
     constraints and margins. aim: offset (dx [m], dtheta [rad]) of the NLP's target from the target;
-    with it `deciding` lands on the target. nlp, solution, landing_of_nlp (x, z [m], theta [rad]):
-    of a throw that an NLP solved. optimum: of a throw moved from a solved one.
+    with it `deciding` lands on the target. layout, solution, landing_of_nlp (x, z [m], theta
+    [rad]): of a throw that an NLP solved. optimum: of a throw moved from a solved one.
     """
 
     planned: Trajectory
@@ -31,7 +31,7 @@ class PlannedThrow:
     nlp_size: tuple[int, int]
     refinement: Refinement = BASE
     aim: tuple[float, float] = (0.0, 0.0)
-    nlp: ThrowNlp | None = None
+    layout: Layout | None = None
     solution: Solution | None = None
     landing_of_nlp: tuple[float, float, float] | None = None
     optimum: Optimum | None = None

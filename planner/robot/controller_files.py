@@ -14,9 +14,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...models import Array
+from ...models import Array, ReadOnly
 from ...models.robot import Arm, PlanarArm
-from ...problems import InputError, load_arm
+from ...problems import InputError, check_arguments, load_arm
 from ...problems.files import filling, write_json
 from ..result import Plan, joint_samples, throw_of, write_table
 from ..throw import TICK, Throw
@@ -39,7 +39,7 @@ ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
 
 
 @dataclass(frozen=True)
-class JointMotion:
+class JointMotion(ReadOnly):
     """A motion to send to an arm: all joints at 1 kHz from rest to rest, and the opening.
 
     q, dq, ddq (N, joints) at times (N,) [s]; throw: its throw.
@@ -118,6 +118,7 @@ def _mistakes(motion: JointMotion) -> Iterator[str]:
     yield from (finding.words for finding in broken)
 
 
+@check_arguments
 def export(
     plan: Plan | Throw | str | Path,
     *,

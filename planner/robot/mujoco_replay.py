@@ -11,12 +11,12 @@ import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ...models import Array
-from ...problems import InputError, Rest, checked
+from ...models import Array, ReadOnly
+from ...problems import InputError, Rest, check_arguments, checked
 from ...problems.files import filling, plain, write_json
 from ..rest import load_mujoco
 from ..result import Plan, throw_of
@@ -53,8 +53,13 @@ from .mujoco_throw import (
 FILES = ("replay.json", "replay.csv", "replay.png")
 
 
+#: What a replay's landing is compared with.
+Other = Literal["target", "sp", "limit_surface"]
+OTHERS: tuple[Other, ...] = get_args(Other)
+
+
 @dataclass(frozen=True, repr=False)
-class Replay:
+class Replay(ReadOnly):
     """A throw by MuJoCo. Positions in the throw's plane, m; angles in rad.
 
     landing: x, z, theta as the CoM falls through the target's height without collisions, NaN if it
@@ -91,7 +96,8 @@ class Replay:
             f"{self.restitution:g} of its speed"
         )
 
-    def off(self, other: str) -> tuple[float, float]:
+    @check_arguments
+    def off(self, other: Other) -> tuple[float, float]:
         """MuJoCo's landing less another: (dx [m], dtheta [rad]).
 
         other: "target", "sp" or "limit_surface"; dtheta is NaN for a target that leaves it open.
@@ -117,8 +123,7 @@ class Replay:
                 "at_rest": rest.at_rest,
                 "rest": self._pose(x, z, theta, y),
             }
-        others = ("target", "sp", "limit_surface")
-        sizes = {name: map(abs, self.off(name)) for name in others}
+        sizes = {other: map(abs, self.off(other)) for other in OTHERS}
         found = {
             "scene": self.throw.scene.name,
             "landing": {
@@ -152,7 +157,7 @@ class Replay:
             where = f"{'inside' if inside else 'OUTSIDE'} the tolerance"
             lines = [f"{scene.name}: in MuJoCo it lands {off} from the target, {where}"]
             lines.append(f"  {'MuJoCo less':15}{'dx':>13}{'dtheta':>13}")
-            for key in ("target", "sp", "limit_surface"):
+            for key in OTHERS:
                 dx, dtheta = self.off(key)
                 words = "sliding pivot" if key == "sp" else key.replace("_", " ")
                 angle = "open" if math.isnan(dtheta) else f"{math.degrees(dtheta):+.3f} deg"
@@ -165,6 +170,7 @@ class Replay:
             lines.append(f"  assumed: {self.assumed}")
         return "\n".join([*lines, f"  {self.simulated:.2f} s simulated in {self.run:.1f} s"])
 
+    @check_arguments
     def save(self, folder: str | Path, draw: bool = True) -> None:
         """Write replay.json, replay.csv and (draw) replay.png; InputError if that fails."""
         with filling(Path(folder), FILES) as scratch:
@@ -192,6 +198,7 @@ class Replay:
         return dict(zip("xyz", place, strict=True)) | {"theta": theta}
 
 
+@check_arguments
 def replay(
     throw: Plan | Throw | str | Path,
     step: float = 1e-5,
@@ -312,6 +319,7 @@ def throw_to_rest(plan: Plan | Throw | str | Path) -> tuple[SpaceThrow, str]:
     return space_throw(dataclasses.replace(throw, scene=scene.changed(rest=rest))), why
 
 
+@check_arguments
 def view(
     plan: Plan | Throw | str | Path,
     port: int = 8080,

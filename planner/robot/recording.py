@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models import Array, Trajectory, low_pass
+from ...models import Array, ReadOnly, Trajectory, low_pass
 from ...problems import InputError, Scene, ThrowPlane
 from ...problems.files import read_csv
 from ..follow import Response
@@ -30,7 +30,7 @@ REST_RATE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(ReadOnly):
     """An arm's joints while it threw, at 1 kHz from rest on.
 
     times (N,) [s] of the robot's clock, 0 where the first sample went out; q, dq [rad, rad/s]

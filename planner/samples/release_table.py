@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, Flags, FlightLaw, FlightState, Indices
+from ...models import Array, Flags, FlightLaw, FlightState, Indices, ReadOnly
 from ...problems import Pose, Scene
 from ..library import Turns
 
@@ -23,7 +23,7 @@ HEIGHT_ROOM = 0.25
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Releases:
+class Releases(ReadOnly):
     """Feasible sampled releases: (N, n) coordinates, rates and accelerations at the
     opening's start, run-up time (N,), detach states (N, 6): x, z, theta, v_x, v_z, omega,
     and whether (N,) the held bar clears column and arm, and the arm itself, on the run-up, and the

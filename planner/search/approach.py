@@ -106,7 +106,7 @@ def _in_region(attempt: Attempt, goal: Pose, task: Task) -> Attempt:
     assert throw is not None
     lands, deciding = throw.planned_landing, replace(throw.deciding, scene=task.scene)
     # The region's NLP has other variables.
-    throw = replace(throw, deciding=deciding, nlp=None, solution=None, landing_of_nlp=lands)
+    throw = replace(throw, deciding=deciding, layout=None, solution=None, landing_of_nlp=lands)
     return replace(attempt, goal=goal, throw=throw, verdict=verdict(deciding, goal))
 
 

@@ -16,7 +16,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ...models import Array, Trajectory
-from ...problems import Pose, Scene
+from ...problems import MANY_TURNS, Pose, Scene
 from ..ocp import BASE, Refinement, Request, Solution, ThrowNlp, WarmStart
 from ..result import PlannedThrow
 from ..throw import SmoothingError, Throw, send
@@ -30,8 +30,6 @@ ACCURACY = (1e-4, math.radians(0.02))
 AT_BOUND = 1e-3
 #: Most NLPs solved to correct one aim.
 MAX_CORRECTIONS = 8
-#: Full turns of a target's angle from which a message says that Pose takes radians.
-MANY_TURNS = 3
 
 
 @dataclass(frozen=True)
@@ -230,7 +228,7 @@ def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
             elif start.elastic:
                 # No other NLP has the variables of its solution.
                 lands = throw.planned_landing
-                throw = replace(throw, nlp=None, solution=None, landing_of_nlp=lands)
+                throw = replace(throw, layout=None, solution=None, landing_of_nlp=lands)
         reason = judged.words
     return Attempt(
         start.goal,
@@ -336,7 +334,7 @@ def _planned_throw(nlp: ThrowNlp, best: _Candidate, refinement: Refinement) -> P
         nlp.size,
         refinement,
         best.aim.offset,
-        nlp,
+        nlp.layout,
         best.solution,
         _landing_of(nlp, best),
     )

@@ -119,7 +119,7 @@ def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float,
 
     Of its own NLP's solution; of the exact model if the throw has no NLP."""
     nodes = opening_nodes(throw.scene.mesh, throw.scene.gripper.profile().opening)
-    source = throw.nlp
+    source = throw.layout
     if source is None or throw.solution is None:
         pivot = throw.exact
         flight, depths = pivot.landing.flight_time, nlp.count("t_cup")

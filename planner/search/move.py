@@ -15,7 +15,7 @@ import numpy as np
 from ...models import Array
 from ...problems import Pose
 from ..library import Neighbour
-from ..ocp import CondensedQp, Margins, Optimum, ReducedVariables, Request, Solution, ThrowNlp
+from ..ocp import CondensedQp, Layout, Margins, Optimum, ReducedVariables, Request, Solution
 from ..result import PlannedThrow
 from ..throw import Manipulator, Throw
 from ..verdict import Verdict, verdict
@@ -109,8 +109,8 @@ def optimum_of(
 
     names: of the limits that bind there.
     """
-    solution, nlp = throw.solution, throw.nlp
-    if solution is None or nlp is None or any(nlp.structure.ranges):
+    solution, layout = throw.solution, throw.layout
+    if solution is None or layout is None or any(layout.structure.ranges):
         # In a region the landing is chosen by the optimum.
         return throw.optimum
     aim = throw.deciding.target.shifted(*throw.aim)
@@ -119,7 +119,7 @@ def optimum_of(
         slope = condensed_at(controls, program, request, solution).slope
     except np.linalg.LinAlgError:
         return None
-    return _optimum(controls, nlp, throw, slope, names)
+    return _optimum(controls, layout, throw, slope, names)
 
 
 def condensed_at(
@@ -137,15 +137,15 @@ def fixed_optimum(
 
     It takes no derivatives. names: of the limits that bind there.
     """
-    if throw.nlp is None or throw.solution is None:
+    if throw.layout is None or throw.solution is None:
         return None
     errors = 1 if throw.deciding.target.theta is None else 2
-    return _optimum(controls, throw.nlp, throw, np.zeros((controls.size, errors)), names)
+    return _optimum(controls, throw.layout, throw, np.zeros((controls.size, errors)), names)
 
 
 def _optimum(
     controls: ReducedVariables,
-    nlp: ThrowNlp,
+    layout: Layout,
     throw: PlannedThrow,
     slope: Array,
     names: tuple[str, ...],
@@ -154,11 +154,11 @@ def _optimum(
     lands, exact = throw.planned_landing, throw.exact.landing.pose
     margins = {name: max(value, 0.0) for name, value in throw.refinement.margins.values}
     return Optimum(
-        throw.solution.x[controls.places(nlp)],
+        throw.solution.x[controls.places(layout)],
         slope,
         throw.deciding.release.end,
         throw.effort,
-        nlp.size,
+        layout.size,
         (lands[0] - exact[0], lands[2] - exact[2]),
         replace(throw.refinement, margins=Margins(**margins)),
         names,

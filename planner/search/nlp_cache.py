@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -121,6 +122,10 @@ class NlpCache:
     manipulator: Manipulator
     _nlps: dict[_Kind, ThrowNlp] = field(default_factory=dict)
     _compiled: dict[tuple[_Kind, str], CompiledNlp] = field(default_factory=dict)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy builds its NLPs anew: CasADi's expressions cannot be copied."""
+        return NlpCache, (self.scene, self.manipulator)
 
     def from_state(self, manipulator: Manipulator) -> NlpCache:
         """The NLPs, shared with these, for a manipulator that begins in another state of motion."""

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...models import Array
+from ...problems import Cup, InputError, ThrownObject, check_arguments
 from ..clearance import bar_outline
 from .timeline import timeline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ...problems import Cup, ThrownObject
     from ..throw import Throw
 
 #: Least width [m] of a drawn bar, to be visible.
@@ -27,11 +27,14 @@ def bar_corners(bar: ThrownObject, com: Array) -> Array:
     return np.asarray(bar_outline(wide, com[:, None])[:, 0].T)
 
 
+@check_arguments
 def draw_bars(axes: Axes, bar: ThrownObject, poses: Array, **look: Any) -> None:
     """Fill the bar's outline at poses (N, 3) or (3,) of its CoM: x, z [m], theta [rad].
 
-    bar: the scene's object; look: Matplotlib's settings of a polygon.
+    bar: the scene's object; look: Matplotlib's settings of a polygon. InputError for other shapes.
     """
+    if poses.ndim not in (1, 2) or poses.shape[-1] != 3 or not np.isfinite(poses).all():
+        raise InputError("poses: must be rows of x, z, theta, finite numbers")
     for pose in np.atleast_2d(poses):
         axes.fill(*bar_corners(bar, pose).T, **look)
 
@@ -43,6 +46,7 @@ def cup_profile(cup: Cup) -> Array:
     return np.column_stack([sides, [cup.rim, bottom, bottom, cup.rim]])
 
 
+@check_arguments
 def draw_cup(axes: Axes, cup: Cup, **look: Any) -> None:
     """A cup's walls and bottom in the throw's plane; look: Matplotlib's settings of a line."""
     usual: dict[str, Any] = {"color": "#5b4a3f", "lw": 3, "solid_capstyle": "butt", "zorder": 2}

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, Body, Contact, FlightLaw, HandTrack, MovedHand, Trajectory
+from ...models import Array, Body, Contact, FlightLaw, HandTrack, MovedHand, ReadOnly, Trajectory
 from ...models.release import (
     BATCH_MODELS,
     MODELS,
@@ -26,7 +26,7 @@ from ...models.release import (
     ReleaseModel,
 )
 from ...models.robot import Arm, PlanarArm, hand_motion
-from ...problems import InputError, Motion, Scene, as_scene
+from ...problems import InputError, Motion, Scene, as_scene, check_arguments
 from ...problems.files import plain
 from ..throw import LandingPoint, case_of
 
@@ -155,6 +155,7 @@ class Simulation:
         }
 
 
+@check_arguments
 def simulate(scene: Scene | str | pathlib.Path, model: str = "all") -> dict[str, Simulation]:
     """The [motion] of a scene, built-in name or TOML file through a release model.
 
@@ -181,7 +182,7 @@ def _simulated(scene: Scene, model: ReleaseModel, case: ReleaseCase) -> Simulati
 
 
 @dataclass(frozen=True)
-class BatchResult:
+class BatchResult(ReadOnly):
     """Detach states and landings of N throws.
 
     detach (N, 6): x, z, theta, v_x, v_z, omega of the CoM; landing (N, 3): x, theta and
@@ -195,6 +196,7 @@ class BatchResult:
     trouble: npt.NDArray[np.object_]
 
 
+@check_arguments
 def simulate_batch(
     scene: Scene,
     model: str = SLIDING_PIVOT,
@@ -219,8 +221,7 @@ def simulate_batch(
     Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
     """
     chosen = named_model(model, BATCH_MODELS).with_pressure(scene.contact.points)
-    whole = isinstance(steps, int) and not isinstance(steps, bool)
-    if steps is not None and not (whole and 1 <= steps <= MOST_STEPS):
+    if steps is not None and not 1 <= steps <= MOST_STEPS:
         raise InputError(f"steps = {steps!r}: must be a whole number, 1 to {MOST_STEPS}")
     given = {"object": object or {}, "contact": contact or {}, "gripper": gripper or {}}
     batch = _batch(scene, hand or {}, **given)

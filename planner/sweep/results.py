@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...models import Array, Flags, Indices
+from ...models import Array, Flags, Indices, ReadOnly
 from ...models.release import MODELS
+from ...problems import check_arguments
 from ...problems.files import filling, plain, write_json
 from ..result import Plan
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
@@ -33,7 +34,7 @@ MIN_SPAN = 0.02
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(ReadOnly):
     """A plan's sent motion thrown with sampled parameters, by one release model.
 
     numbers (N,): places in the sequence of samples; values (N, P): their parameters, columns as
@@ -135,6 +136,7 @@ class Sweep:
         """The sweep as text."""
         return sweep_summary(self.plan, self.label, self.to_dict())
 
+    @check_arguments
     def save(self, folder: str | Path) -> None:
         """Write sweep.json, sweep.csv and three pictures; InputError if that cannot be done."""
         with filling(Path(folder), SWEEP_FILES) as scratch:

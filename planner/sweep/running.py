@@ -13,7 +13,7 @@ import numpy as np
 
 from ...models import Array, Indices
 from ...models.release import BATCH_MODELS, MODELS
-from ...problems import InputError, checked
+from ...problems import InputError, check_arguments, checked
 from ..result import Plan
 from ..simulation import named_model
 from ..throw import ThrowBatch
@@ -36,6 +36,7 @@ PROBES = 64
 STEP_ERROR = 0.1
 
 
+@check_arguments
 def sweep(
     plan: Plan,
     samples: int = SAMPLES,
@@ -66,7 +67,7 @@ def sweep_until_stopped(
 ) -> Sweep | None:
     """Like `sweep`; after Ctrl-C the sweep of the finished samples, None without any."""
     started = time.perf_counter()
-    model = model or checked("plan", plan, Plan, {}).scene.tolerance.model
+    model = model or plan.scene.tolerance.model
     check_sweep(samples, seed, model)
     sampler = sampler_of(plan.scene, seed)
     judge = judge_of(plan, model, sampler)

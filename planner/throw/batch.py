@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
-from ...models import Array, Body, FlightState, Indices, Trajectory
+from ...models import Array, Body, FlightState, Indices, ReadOnly, Trajectory
 from ...models.release import MODELS, STEPPED_SURFACE, BatchRelease, ReleaseBatch, exact_detaches
 from ...problems import Pose, Scene
 from .manipulator import HandError
@@ -22,7 +22,7 @@ HAND = ("hand_x", "hand_z", "hand_theta", "hand_vx", "hand_vz", "hand_omega")
 
 
 @dataclass(frozen=True)
-class BatchFlights:
+class BatchFlights(ReadOnly):
     """N flights of one motion's throws, each array (N, ...).
 
     columns: the parameters by name, SI units. late [s]: delay of the opening after the planned one;

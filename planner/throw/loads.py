@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core import TorquesC
-from ...models import Array, HandSamples, Trajectory, held_wrench
+from ...models import Array, HandSamples, ReadOnly, Trajectory, held_wrench, read_only
 from ...models.robot import PlanarArm, PlanarDynamics
 from ...problems import Scene, Torque
 from .manipulator import Manipulator
@@ -29,7 +29,7 @@ def friction_use(scene: Scene, hand: HandSamples) -> Array:
 
 
 @dataclass(frozen=True)
-class Torques:
+class Torques(ReadOnly):
     """Torques [N m] (N, n) at `times` (N,) [s], those with the object and with an empty hand.
 
     The object is held until `opening`; while the pads open, until `detach`, the hand may bear all
@@ -48,7 +48,8 @@ class Torques:
         """Share (N, n) of the limits, the larger of both while the pads open."""
         before, after = (self.times < self.opening)[:, None], (self.times > self.detach)[:, None]
         held, free = np.abs(self.held), np.abs(self.free)
-        return np.where(before, held, np.where(after, free, np.maximum(held, free))) / self.limits
+        during = np.where(after, free, np.maximum(held, free))
+        return read_only(np.where(before, held, during) / self.limits)
 
     @cached_property
     def rate(self) -> float:

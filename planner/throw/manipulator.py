@@ -12,9 +12,9 @@ import casadi as ca
 import numpy as np
 
 from ...core import LimitsC, library
-from ...models import Array, MovedHand, Trajectory
+from ...models import Array, MovedHand, ReadOnly, Trajectory
 from ...models.robot import Arm, ArmCapsules, PlanarArm, PlanarHand, about_z, hand_motion
-from ...problems import Hand, InputError, Scene
+from ...problems import Hand, InputError, Scene, check_arguments
 
 #: Least cosine between the pads' closing and the normal of the throwing plane: 0.08 deg.
 SQUARE = 1 - 1e-6
@@ -23,7 +23,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Limits:
+class Limits(ReadOnly):
     """Limits of the planned coordinates, margins taken off; SI units, each (n,).
 
     slowing: deceleration, offset, upper, lower (4, n) as in `models.robot.Slowing`; None if the
@@ -90,6 +90,7 @@ class State:
     dq: Array
     ddq: Array
 
+    @check_arguments
     def checked(self, manipulator: Manipulator) -> State:
         """The state as arrays; InputError if it does not fit the manipulator or its limits."""
         limits, found = manipulator.hard, list[Array]()
@@ -112,7 +113,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Manipulator:
+class Manipulator(ReadOnly):
     """The planned coordinates q (n,) of a scene and how they move the hand.
 
     motion: (q, dq, ddq), each (n, K) -> pose, twist, acceleration of the hand, each (3, K).

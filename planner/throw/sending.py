@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core import SamplesC, library
-from ...models import Array, Flags, Trajectory
+from ...models import Array, Flags, ReadOnly, Trajectory
 from .manipulator import Limits, Manipulator
 
 #: Sampling interval [s] of everything that is sent: 1 kHz.
@@ -30,7 +30,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(ReadOnly):
     """Coordinates every millisecond from t = 0: q, dq, ddq, each (N, n)."""
 
     q: Array

@@ -26,7 +26,7 @@ from ...models.release import (
     exact_surface_release,
     shape_for_core,
 )
-from ...problems import Pose, Scene
+from ...problems import InputError, Pose, Scene, check_arguments
 from .loads import Torques, core_torques, torques_of
 from .manipulator import EXACT_HAND, HandError, Manipulator
 from .sending import NO_SAMPLES, TICK, Samples
@@ -93,6 +93,7 @@ class Throw:
             vars(self)["release"] = known_release
 
     @classmethod
+    @check_arguments
     def sent(
         cls,
         scene: Scene,
@@ -115,8 +116,6 @@ class Throw:
         assert self.scene.target is not None
         return self.scene.target
 
-    # Release, landing and measures.
-
     @cached_property
     def release(self) -> Release:
         """The object's motion from the opening's start to detach."""
@@ -137,6 +136,7 @@ class Throw:
         twist[:2] += np.array([[error.v_x], [error.v_z]])
         return replace(released, com=com, com_twist=twist)
 
+    @check_arguments
     def released(self, release: Release) -> Throw:
         """The throw with a known exact release of `case`."""
         return replace(self, known_release=self._in_place(release))
@@ -193,14 +193,16 @@ class Throw:
         """Joint torques along the motion; for an arm with masses."""
         return torques_of(self.scene, self.manipulator, self.path, self.opening_time)
 
+    @check_arguments
     def miss(self, target: Pose | None = None) -> tuple[float, float]:
         """Landing error (Δx [m], Δtheta [rad]), see `Pose.miss`."""
         return (target or self.target).miss(self.landing.x, self.landing.theta)
 
-    # Copies of the throw.
-
+    @check_arguments
     def with_model(self, model: str) -> Throw:
-        """The throw by another of the `EXACT` models."""
+        """The throw by another of the models sp and ls-step; InputError for a further one."""
+        if model not in EXACT:
+            raise InputError(f"model = {model!r}: must be one of {', '.join(EXACT)}")
         own = self.model or self.scene.tolerance.model
         return self if own == model else replace(self, model=model)
 
@@ -219,15 +221,15 @@ class Throw:
         """The throw by the time-stepping limit surface."""
         return self.with_model(STEPPED_SURFACE)
 
+    @check_arguments
     def in_scene(self, scene: Scene) -> Throw:
         """The motion in another scene."""
         return replace(self, scene=scene)
 
+    @check_arguments
     def delayed(self, delay: float) -> Throw:
         """The throw opened later by `delay` [s], at time 0 at the earliest."""
         return replace(self, opening_time=max(self.opening_time + delay, 0.0))
-
-    # The hand, and times of the motion.
 
     @property
     def case(self) -> ReleaseCase:
@@ -235,6 +237,7 @@ class Throw:
         hand = self.manipulator.hand(self.path.shifted(self.opening_time), self.error.omega)
         return case_of(self.scene, hand, self.error.theta)
 
+    @check_arguments
     def hand(self, times: npt.ArrayLike) -> HandSamples:
         """The hand at `times` (K,) [s] on the motion's clock."""
         return self.manipulator.hand(self.path).at(times)
@@ -262,8 +265,7 @@ class Throw:
         between = [step] if before < -1e-12 else []
         return Trajectory.joined([planned, *between, samples.path.beginning(first)])
 
-    # The flight.
-
+    @check_arguments
     def flight(self, times: Array) -> Array:
         """CoM poses (3, N) at `times` (N,) [s] after detach."""
         return self.scene.flight.after(self.landing.start, times).pose

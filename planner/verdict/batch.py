@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...models import Array, Flags, FlightState, Indices
+from ...models import Array, Flags, FlightState, Indices, ReadOnly
 from ..clearance import BAR
 from ..throw import EXACT, BatchFlights, ThrowBatch, torque_limits
 from .batch_limits import MotionLimits
@@ -41,7 +41,7 @@ BOUND = ErrorBound()
 
 
 @dataclass(frozen=True)
-class Verdicts:
+class Verdicts(ReadOnly):
     """Landings of N throws, and verdicts on these.
 
     pose (N, 3): x [m], theta [rad] and flight time [s] at the target's height, relative to a moving

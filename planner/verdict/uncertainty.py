@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, ReadOnly
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import Distribution, Pose, Scene, Uncertainty
 from ..throw import Throw, ThrowBatch
@@ -43,7 +43,7 @@ RESERVED = (
 
 
 @dataclass(frozen=True)
-class Sampler:
+class Sampler(ReadOnly):
     """Draws of the uncertain parameters `names`; sample k depends on the seed only.
 
     spreads: their distributions in SI units; ranges: lowest and highest possible values,

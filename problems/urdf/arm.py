@@ -14,8 +14,8 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm, JointLimits, LinkInertia, PlanarArm, Tool
 from ..arms import arm_from, arm_text
+from ..checks import InputError
 from ..files import toml_tables
-from ..section import InputError
 from .chain import MissingOptionError, UrdfChain, hanging, joint_named
 from .reading import origin
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import JointFrame
-from ..section import InputError
+from ..checks import InputError
 from .reading import frame_of, origin, unit_axis
 
 #: The hand points along an axis of the tool link if the cosine to its child links is above this.

@@ -19,8 +19,8 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import JointFrame, placement
+from ..checks import InputError
 from ..files import read_text
-from ..section import InputError
 
 #: Largest length [m], angle [rad], mass [kg] or inertia [kg m^2] of a robot.
 BEYOND = 1e4

@@ -96,7 +96,7 @@ def test_collocation_lands_where_runge_kutta_does(name: str) -> None:
         variant = varied(scene, mesh=mesh)
         nlp = nlp_of(variant)
         x, p = point_of(variant, nlp)
-        free = [where for block, _, where in nlp.layout if block.name in ("rel", "acc")]
+        free = [where for block, _, where in nlp.blocks if block.name in ("rel", "acc")]
         slopes = ca.Function(
             "slopes",
             [nlp.problem["x"], nlp.problem["p"]],

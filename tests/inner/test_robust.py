@@ -191,7 +191,7 @@ def test_a_throw_of_another_mesh_is_a_start_of_the_scenarios(nominal) -> None:
     """Robust NLPs have other opening intervals than the throw they start from."""
     throw = nominal.throw
     scene = nominal.scene.replace(mesh=QUIET_MESH)
-    assert scene.mesh.opening != throw.nlp.structure.opening
+    assert scene.mesh.opening != throw.layout.structure.opening
     window = window_of(scene)
     request = Request(scene, nominal.manipulator, nominal.target, robust="scenarios")
     nlp = build_nlp(request)
@@ -199,7 +199,7 @@ def test_a_throw_of_another_mesh_is_a_start_of_the_scenarios(nominal) -> None:
     assert np.isfinite(x).all()
     detach = nlp.structure.detach
     for name in ("rel", "t_f"):
-        old = throw.nlp.block(throw.solution.x, name, throw.nlp.structure.detach)
+        old = throw.layout.block(throw.solution.x, name, throw.layout.structure.detach)
         assert nlp.block(x, name, detach) == pytest.approx(old)
     # An opening that is late has hardly moved when the planned one is over, an early one is on.
     early, late = (nlp.block(x, "rel", detach, i) for i in (1, len(window.delays)))

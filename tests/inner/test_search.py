@@ -178,7 +178,7 @@ def test_a_corner_cut_between_two_nodes_takes_a_margin_and_no_more_rows() -> Non
     cup = tp.Planner(bare("near-cup"))
     plan = cup.plan(cup.scene.target.in_plane(-0.2211, -1.6348), patience=90.0)
     assert plan.solved and plan.solver == "fatrop"
-    assert plan.throw.refinement.margins["held"] > 0.0 and plan.throw.nlp.structure.instants == 2
+    assert plan.throw.refinement.margins["held"] > 0.0 and plan.throw.layout.structure.instants == 2
 
 
 # Several throws, warm plans, models.

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 
-import numpy as np
 import pytest
-import throwplan as tp
-from throwplan import InputError, Plan, Planner, Pose, load_scene
+from throwplan import InputError, Planner, load_scene
 
 # Valid scenes as sections of TOML literals; a case edits one of them.
 
@@ -317,71 +313,6 @@ def test_a_bound_that_no_throw_is_near_to_is_named(bound, words, folder, run):
     assert said.status == 3 and f"[landing] {bound}" in said.err and words in said.err
     # No throw was brought near to the target: nothing is proven.
     assert "not_converged" in said.out
-
-
-@pytest.fixture(scope="module")
-def thrown(planner_of, plan_of) -> tuple[Planner, Plan]:
-    return planner_of("hand-flip"), plan_of("hand-flip")
-
-
-#: What Python is given that is of the wrong kind, or out of range.
-WRONG_ARGUMENTS: list[tuple[Callable[[Planner, Plan], object], str]] = [
-    (lambda planner, plan: planner.plan(alternatives=1.5), "alternatives = 1.5: must be a whole"),
-    (lambda planner, plan: planner.plan(patience="3"), "patience = '3': must be a number"),
-    (lambda planner, plan: planner.plan(patience=0), "patience = 0: must be above 0"),
-    (lambda planner, plan: planner.plan(warm="out"), "warm = 'out': must be Plan"),
-    (lambda planner, plan: planner.plan(start=3), "start = 3: must be State"),
-    (lambda planner, plan: planner.polish(None), "plan = None: must be Plan"),
-    (lambda planner, plan: planner.follow(None), "plan = None: must be Plan"),
-    (lambda planner, plan: planner.follow(plan, "20 ms"), "horizon = '20 ms': must be a number"),
-    (lambda planner, plan: planner.follow(plan, sent=plan), "sent = Plan.*: must be Throw"),
-    (lambda planner, plan: planner.prepare(0), "throws = 0: must be at least 1"),
-    (lambda planner, plan: tp.Response.fitted([[math.nan]] * 3, [[0.0]] * 3), "sent, q: must be"),
-    (lambda planner, plan: tp.Response.fitted([], []), "sent, q: must be finite numbers"),
-    (lambda planner, plan: tp.sweep("out/pose"), "plan = 'out/pose': must be Plan"),
-    (lambda planner, plan: tp.sweep(plan, samples=0), "samples = 0: must be at least 1"),
-    (lambda planner, plan: tp.sweep(plan, samples=2.5), "samples = 2.5"),
-    (lambda planner, plan: tp.sweep(plan, samples=True), "samples = True"),
-    (lambda planner, plan: tp.sweep(plan, seed=-1), "seed = -1"),
-    (lambda planner, plan: tp.sweep(plan, model="spp"), "must be one of sp, .*did you mean 'sp'"),
-    (lambda planner, plan: planner.plan(robust="loud"), "robust = 'loud': must be one of auto, q"),
-    (lambda planner, plan: planner.plan(robust="quiet", alternatives=2), "not with a robust plan"),
-    (lambda planner, plan: planner.plan(alternatives=99), "alternatives = 99: must be at most 20"),
-    (lambda planner, plan: planner.plan(solver="snopt"), "solver.*'snopt'"),
-    (lambda planner, plan: planner.plan(turns="some"), "turns.*'some'"),
-    (lambda planner, plan: planner.plan(Pose(x=1.0, z=0.0, y=0.2)), "y"),
-    (lambda planner, plan: tp.view(plan, port="8080"), "port = '8080': must be a whole number"),
-    (lambda planner, plan: tp.view(plan, hold=-1), "hold = -1: must be above 0"),
-    (lambda planner, plan: tp.replay(plan, points=-1), "points = -1: must be at least 1"),
-    (lambda planner, plan: tp.replay(plan, points=100_000), "points = 100000: must be at most 64"),
-    (lambda planner, plan: tp.replay(plan, step=0), "step = 0: must be at least 1e-07"),
-    (lambda planner, plan: tp.reach_map("pose", z=math.nan), "z = nan: must be a finite number"),
-    (lambda planner, plan: tp.reach_map("pose", samples=2.5), "samples = 2.5: must be a whole"),
-    (lambda planner, plan: tp.throw_data(plan), "plans: must be a list"),
-    (lambda planner, plan: tp.throw_data([plan], [(math.nan, 0.0)]), "landing 1 = nan: must be a"),
-    (lambda planner, plan: tp.throw_data([plan], [(1.0, 0.0)] * 2), "landings: must be 1, one per"),
-    (lambda planner, plan: tp.thrown(tp.throw_data([plan]), "sp", {}), "contact: must have fric"),
-    (
-        lambda planner, plan: tp.thrown(
-            tp.throw_data([plan]), "sp", {"friction": math.nan, "patch_radius": 0.002}
-        ),
-        "friction = nan: must be a finite number",
-    ),
-    (lambda planner, plan: tp.identify(tp.throw_data([plan])), "throw-1: has no landing"),
-]
-
-
-@pytest.mark.parametrize(("call", "words"), WRONG_ARGUMENTS, ids=[w for _, w in WRONG_ARGUMENTS])
-def test_wrong_arguments_in_python_are_input_errors(call, words, thrown):
-    with pytest.raises(InputError, match=words):
-        call(*thrown)
-
-
-def test_numbers_of_numpy_are_numbers(thrown):
-    target = Pose(x=np.float32(1.25), z=np.int64(0), theta=np.float64(1.0))
-    assert target == Pose(x=1.25, z=0.0, theta=1.0)
-    data = tp.throw_data([thrown[1]], np.array([[1.2, 0.3]]))
-    assert data.throws[0].landing == (1.2, thrown[1].target.z, 0.3)
 
 
 def test_an_empty_file_misses_all_that_is_required(folder, refused):

@@ -90,6 +90,22 @@ def test_what_does_not_fit_leaves_no_folder(tmp_path) -> None:
     assert not (tmp_path / "deep").exists()
 
 
+@pytest.mark.parametrize("most", [20_000, 100_000, 200_000])
+def test_a_full_disk_costs_no_earlier_picture(most, plan_of, tmp_path) -> None:
+    """The samples do not fit, the picture does not, the film does not; all stays as it was."""
+    plan_of("hand-flip").save(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert len(before) == 4 and len(before["throw.gif"]) > 200_000 > len(before["throw.png"])
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, limits[1]))
+    try:
+        with pytest.raises(InputError, match=r"^--out [^\n]*: File too large$"):
+            plan_of("hand-flip").save(tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 @pytest.mark.filterwarnings("ignore:unclosed file")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("task", ["fill", "keep", "cache"])

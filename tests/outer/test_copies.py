@@ -1,0 +1,168 @@
+"""Scenes, plans, planners and sessions pickle and copy; arrays that are handed out are shared."""
+
+from __future__ import annotations
+
+import copy
+import ctypes
+import dataclasses
+import functools
+import pickle
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import throwplan as tp
+
+COPIES = [
+    pytest.param(lambda value: pickle.loads(pickle.dumps(value)), id="pickle"),
+    pytest.param(copy.deepcopy, id="deepcopy"),
+    pytest.param(copy.copy, id="copy"),
+]
+
+
+@pytest.fixture(scope="module")
+def solved(pose_planner) -> tp.Plan:
+    """A plan that a solver has found, with all that it keeps once it is asked."""
+    plan = tp.Planner(pose_planner.scene, library=False).plan()
+    assert plan.solver == "fatrop" and plan.to_dict() and plan.path() and plan.verdict.ok
+    return plan
+
+
+@pytest.mark.parametrize("copied", COPIES)
+def test_a_copied_plan_works_with_its_planner(copied, solved, pose_planner) -> None:
+    plan, near = copied(solved), dataclasses.replace(solved.target, x=solved.target.x + 0.003)
+    assert plan.to_dict() == solved.to_dict() and plan.scene == solved.scene
+    moved, expected = (pose_planner.plan(near, warm=one) for one in (plan, solved))
+    assert moved.solver == expected.solver == "corrector" and moved.attempts == 1
+    assert moved.throw.deciding.landing.pose == expected.throw.deciding.landing.pose
+    polished = [pose_planner.polish(copied(moved)), pose_planner.polish(moved)]
+    assert polished[0].throw.effort == polished[1].throw.effort < moved.throw.effort
+    assert pose_planner.follow(plan).throw.landing.pose == solved.throw.deciding.landing.pose
+    assert (tp.sweep(plan, samples=8).success == tp.sweep(solved, samples=8).success).all()
+
+
+@pytest.mark.parametrize("copied", COPIES)
+def test_a_copied_planner_takes_plans_of_its_scene(copied, solved, pose_planner) -> None:
+    planner = copied(pose_planner)
+    assert planner.scene == pose_planner.scene
+    near = dataclasses.replace(solved.target, x=solved.target.x - 0.003)
+    assert planner.plan(near, warm=solved).solver == "corrector"
+    assert planner.follow(solved).throw.landing.pose == solved.throw.deciding.landing.pose
+
+
+@pytest.mark.parametrize("copied", COPIES[:2])
+@pytest.mark.parametrize("shift", [0.004, 0.3])
+def test_a_copied_session_goes_on_as_the_session_does(copied, shift, solved, pose_planner) -> None:
+    """Also one that has stopped."""
+    session, samples = pose_planner.follow(solved), solved.throw.samples
+    target = dataclasses.replace(solved.target, x=solved.target.x + shift)
+    ends = int(1000 * session.throw.command_time) - 22
+    for k in (ends - 20, ends):
+        session.update(k / 1000, samples.q[k], samples.dq[k], target)
+    other, k = copied(session), ends + 10
+    one, two = (s.update(k / 1000, samples.q[k], samples.dq[k], target) for s in (session, other))
+    assert one.status == two.status and one.off == two.off and (one.q == two.q).all()
+
+
+def test_plans_of_other_scenes_are_no_warm_plans(solved, pose_planner) -> None:
+    """Another grip: the throw would be another; the same target elsewhere: it is not."""
+    contact = dataclasses.replace(solved.scene.contact, friction=0.9)
+    slippery = tp.Planner(solved.scene.replace(contact=contact), library=False)
+    assert slippery.polish(solved) is solved and slippery.plan(warm=solved).solver == "fatrop"
+    with pytest.raises(tp.InputError, match="follow: needs a solved plan of this planner's scene"):
+        slippery.follow(solved)
+    moved = solved.scene.replace(target=dataclasses.replace(solved.target, x=0.95))
+    assert tp.Planner(moved, library=False).plan(solved.target, warm=solved).solver == "corrector"
+
+
+# Arrays.
+
+
+def parts(value: Any) -> Iterator[tuple[str, Any]]:
+    """What an object of the package keeps: a property that gives another value each time is none
+    of it."""
+    for key in dir(type(value)):
+        kind = getattr(type(value), key, None)
+        if not key.startswith("_") and isinstance(kind, property | functools.cached_property):
+            try:
+                once, twice = getattr(value, key), getattr(value, key)
+            except (AssertionError, AttributeError, ValueError):
+                continue
+            if once is twice or (isinstance(once, np.ndarray) and np.shares_memory(once, twice)):
+                yield key, once
+    yield from ((key, one) for key, one in vars(value).items() if not key.startswith("_"))
+
+
+def writable(value: Any, place: str, seen: dict[int, Any]) -> Iterator[str]:
+    """Places of the arrays in a value that can be written to."""
+    if id(value) in seen or isinstance(value, ctypes.Structure | type) or place.count(".") > 6:
+        return
+    seen[id(value)] = value
+    if isinstance(value, np.ndarray):
+        if value.size and value.flags.writeable:
+            yield place
+    elif isinstance(value, dict):
+        for key, one in value.items():
+            yield from writable(one, f"{place}[{key!r}]", seen)
+    elif isinstance(value, list | tuple):
+        for i, one in enumerate(value[:3]):
+            yield from writable(one, f"{place}[{i}]", seen)
+    elif type(value).__module__.startswith("throwplan"):
+        for key, one in parts(value):
+            yield from writable(one, f"{place}.{key}", seen)
+
+
+def _calibrated(plan: tp.Plan, folder: Any) -> tp.Calibrated:
+    plan.save(folder / "plan", draw=False)
+    rows = [f"plan,{0.001 * k + plan.target.x},{0.001 * k + plan.target.theta}" for k in range(12)]
+    (folder / "landings.csv").write_text("\n".join(["plan,x,theta", *rows]))
+    return tp.calibrate(folder / "landings.csv", plan.scene, 0.8)
+
+
+def _data(plan: tp.Plan) -> tp.ThrowData:
+    return tp.throw_data([plan], [(plan.target.x, plan.target.theta)])
+
+
+#: What is handed out, from a planner, its plan and an empty folder.
+HANDED_OUT: dict[str, Callable[..., Any]] = {
+    "plan": lambda planner, plan, folder: plan,
+    "moved": lambda planner, plan, folder: planner.plan(
+        dataclasses.replace(plan.target, x=plan.target.x + 0.002), warm=plan
+    ),
+    "pickled": lambda planner, plan, folder: pickle.loads(pickle.dumps(plan)).throw.deciding,
+    "path": lambda planner, plan, folder: plan.path(),
+    "session": lambda planner, plan, folder: planner.follow(plan).throw,
+    "update": lambda planner, plan, folder: planner.follow(plan).update(
+        0.0, plan.throw.samples.q[0], plan.throw.samples.dq[0]
+    ),
+    "releases": lambda planner, plan, folder: planner.releases(),
+    "response": lambda planner, plan, folder: tp.Response.fitted(*[plan.throw.samples.q] * 2),
+    "sweep": lambda planner, plan, folder: tp.sweep(plan, samples=32),
+    "map": lambda planner, plan, folder: tp.reach_map("pose", samples=2000),
+    "simulation": lambda planner, plan, folder: tp.simulate("drop", "sp"),
+    "batch": lambda planner, plan, folder: tp.simulate_batch(
+        tp.load_scene("drop"), contact={"friction": [0.5, 0.6]}
+    ),
+    "saved": lambda planner, plan, folder: tp.read_plan(plan.save(folder, draw=False) and folder),
+    "joints": lambda planner, plan, folder: tp.export(plan, franka=folder / "franka"),
+    "data": lambda planner, plan, folder: _data(plan),
+    "calibrated": lambda planner, plan, folder: _calibrated(plan, folder),
+}
+
+
+@pytest.mark.parametrize("name", HANDED_OUT)
+def test_arrays_cannot_be_written_to(name, pose_planner, solved, tmp_path) -> None:
+    """A plan is shared by its planner's memory, its sessions and its sweeps."""
+    value = HANDED_OUT[name](pose_planner, solved, tmp_path)
+    assert list(writable(value, name, {})) == []
+
+
+def test_arrays_that_are_handed_in_stay_as_they_are() -> None:
+    poses = np.zeros((1, 5, 3))
+    hand = {"times": np.linspace(0.0, 0.2, 5), "poses": poses, "delays": np.zeros(2)}
+    tp.simulate_batch(tp.load_scene("drop"), hand=hand)
+    rate = np.ones(3)
+    response = tp.Response(rate, np.zeros(3))
+    assert not response.rate.flags.writeable
+    assert all(array.flags.writeable for array in (*hand.values(), rate))

@@ -1,0 +1,126 @@
+"""One planner in several threads: in a process of its own, as a fault there ends the process."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import os
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import throwplan as tp
+
+#: Targets about the scene's own: x, z [m], theta [rad].
+OFFSETS = np.random.default_rng(5).uniform((-0.06, -0.04, -0.2), (0.06, 0.04, 0.2), (8, 3))
+
+
+def targets(own: tp.Pose) -> list[tp.Pose]:
+    """Eight targets about the scene's own."""
+    return [
+        dataclasses.replace(own, x=own.x + dx, z=own.z + dz, theta=own.theta and own.theta + turn)
+        for dx, dz, turn in OFFSETS.tolist()
+    ]
+
+
+def landings(planner: tp.Planner, first: tp.Plan, target: tp.Pose) -> tuple[object, ...]:
+    """What is promised of plans to a target: the status of one from nothing, and, for it has one
+    throw to move, how the one from a plan nearby lands to the last digit."""
+    plan, near = planner.plan(target), dataclasses.replace(first.target, x=first.target.x + 0.002)
+    assert not plan.solved or not tp.Plan.verdict.func(dataclasses.replace(plan)).broken
+    off, most = plan.error_sent(), plan.scene.tolerance
+    assert not plan.solved or (off[0] <= most.position and off[1] <= most.angle), off
+    moved = planner.plan(near, warm=first)
+    again = dataclasses.replace(moved.throw.deciding).landing.pose
+    return plan.status, moved.solver, moved.throw.deciding.landing.pose, again
+
+
+def run(planner: tp.Planner, first: tp.Plan, places: list[tp.Pose], expected: list[object]) -> None:
+    """Two threads, then eight tasks, with one planner: their plans are those of one thread."""
+    found = dict[int, object]()
+
+    def work(numbers: range) -> None:
+        for i in numbers:
+            found[i] = landings(planner, first, places[i])
+
+    async def tasks() -> None:
+        await asyncio.gather(*(asyncio.to_thread(work, range(i, i + 1)) for i in range(8)))
+
+    workers = [threading.Thread(target=work, args=(range(i, 8, 2),)) for i in range(2)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert [found.pop(i) for i in range(8)] == expected
+    asyncio.run(tasks())
+    assert [found[i] for i in range(8)] == expected
+
+
+def swing(planner: tp.Planner, plan: tp.Plan) -> list[tuple[str, float]]:
+    """The updates of a swing to a target that is 4 mm farther than the plan's."""
+    session, target = planner.follow(plan), dataclasses.replace(plan.target, x=plan.target.x + 4e-3)
+    samples, said = plan.throw.samples, []
+    for k in range(0, 200, 20):
+        update = session.update(k / 1000, samples.q[k], samples.dq[k], target)
+        said.append((update.status, *update.off))
+    return said
+
+
+def swing_while_planning(scene: str) -> None:
+    """A swing, plans, a sweep and a plan's own methods at the same time, as alone."""
+    planner = tp.Planner(scene, library=False)
+    first = planner.plan()
+    alone = swing(planner, first), tp.sweep(first, samples=64).success.tolist(), first.to_dict()
+    copy = dataclasses.replace(first, throw=dataclasses.replace(first.throw))
+    with ThreadPoolExecutor(4) as pool:
+        plans = pool.map(planner.plan, targets(first.target)[:4])
+        swings = [pool.submit(swing, planner, first) for _ in range(2)]
+        swept = pool.submit(tp.sweep, copy, samples=64)
+        read = [pool.submit(copy.to_dict) for _ in range(2)]
+        assert all(plan.status in ("solved", "out_of_reach") for plan in plans)
+        assert all(one.result() == alone[0] for one in swings)
+        assert swept.result().success.tolist() == alone[1] and all(
+            one.result() == alone[2] for one in read
+        )
+
+
+def check_alone(scene: str, runs: int, folder: object) -> None:
+    """Runs in a process of its own; no time limit below that of a hang."""
+    words = [sys.executable, "-X", "faulthandler", __file__, scene, str(runs)]
+    own = {"THROWPLAN_CACHE": str(folder)}
+    ended = subprocess.run(
+        words, env=os.environ | own, capture_output=True, text=True, timeout=1800, check=False
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "done\n", "")
+
+
+def test_threads_and_tasks_plan_as_one_does(tmp_path) -> None:
+    check_alone("pose", 1, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("scene", "runs"), [("pose", 15), ("fr3", 5)])
+def test_threads_and_tasks_plan_as_one_does_twenty_times(scene, runs, tmp_path) -> None:
+    check_alone(scene, runs, tmp_path)
+
+
+def main(scene: str, runs: int) -> None:
+    """One run, or several with a new planner each and with a swing meanwhile."""
+    planner = tp.Planner(scene, library=False)
+    first = planner.plan()
+    places = targets(first.target)
+    expected = [landings(planner, first, target) for target in places]
+    if runs == 1:
+        run(planner, first, places, expected)
+    else:
+        for _ in range(runs):
+            run(tp.Planner(scene, library=False), first, places, expected)
+        swing_while_planning(scene)
+    print("done")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]))
