@@ -44,6 +44,7 @@ class Recording:
     sent: Array
     width: Array
     command_time: float
+    trouble: str = ""
 
     def opening_time(self, scene: Scene) -> float:
         """Time [s] at which the grip force starts to fall."""
