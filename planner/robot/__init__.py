@@ -13,7 +13,7 @@ from .controller_files import (
 )
 from .expectations import Expectations
 from .franka import Franka, check_arm, connected
-from .franka_run import approach, rehearse, slowed, stops, throws
+from .franka_run import approach, rehearse, throws
 from .gripper import GripperState
 from .gripper_delay import GripperDelay, measure_gripper
 from .learning import corrected

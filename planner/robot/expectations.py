@@ -82,8 +82,9 @@ class Expectations:
         q = motion.q if self.way is None else np.vstack([self.way, motion.q])
         q = q[np.unique(np.append(np.arange(0, len(q), 5), len(q) - 1))]
         bodies = swept_bodies(motion, q, np.arange(0.0, len(q)))
-        around = bodies.reach[:, None, None, None]
-        low, high = bodies.ends - around, bodies.ends + around
+        moving = np.array([capsule.link > 0 for capsule in motion.arm.capsules] + [True])
+        ends, around = bodies.ends[moving], bodies.reach[moving, None, None, None]
+        low, high = ends - around, ends + around
         return np.array([low.min(axis=(0, 1, 3)), high.max(axis=(0, 1, 3))])
 
     @cached_property
@@ -149,7 +150,7 @@ class Expectations:
         lines.append(
             f"the object flies through {_range_words(self.flown)}, and on after its landing"
         )
-        place = ", ".join(f"{value:.3f}" for value in com)
+        place = ", ".join(f"{value:.3f}" for value in com.round(3) + 0.0)
         lines.append(f"load to set: {mass:g} kg, CoM at [{place}] m from the flange (F_x_Cload)")
         if torque:
             limits = ", ".join(f"{value:.1f} N m (joint {j})" for j, value in torque.items())

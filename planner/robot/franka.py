@@ -55,32 +55,27 @@ def cure_of(word: str) -> str:
     return next((cure for part, cure in CURES.items() if part in word), "see Desk for its state")
 
 
-@contextmanager
-def controller_errors(host: str) -> Iterator[None]:
-    """Turn errors of the binding into InputError: the controller's word and its cure."""
-    binding = load_franka()
-    names = ("Franka", "Network", "Control", "Command", "InvalidOperation", "Realtime")
-    try:
-        yield
-    except tuple(getattr(binding, f"{name}Exception") for name in names) as error:
-        word = " ".join(str(error).split()).removeprefix("libfranka: ")
-        raise InputError(f"{host}: {word}: {cure_of(word)}") from None
-
-
 @dataclass(frozen=True)
 class Franka:
-    """A robot that is connected; `connected` makes it."""
+    """A robot that is connected; `connected` makes it. binding: libfranka's, which has made it."""
 
     host: str
     robot: Any
     gripper: GripperLink
+    binding: Any
+
+    @contextmanager
+    def errors(self) -> Iterator[None]:
+        """Turn errors of the binding into InputError: the controller's word and its cure."""
+        with _errors(self.host, self.binding):
+            yield
 
     def check(self, arm: Arm) -> tuple[Array, GripperState]:
         """The current joints [rad] and the gripper; InputError unless the robot is ready.
 
         Ready: of the plan's arm, idle, without errors, at rest, with a homed gripper.
         """
-        with controller_errors(self.host):
+        with self.errors():
             state = self.robot.read_once()
         mode, errors = state.robot_mode.name, str(state.current_errors)
         if state.current_errors:
@@ -103,6 +98,16 @@ class Franka:
 
 
 @contextmanager
+def _errors(host: str, binding: Any) -> Iterator[None]:
+    names = ("Franka", "Network", "Control", "Command", "InvalidOperation", "Realtime")
+    try:
+        yield
+    except tuple(getattr(binding, f"{name}Exception") for name in names) as error:
+        word = " ".join(str(error).split()).removeprefix("libfranka: ")
+        raise InputError(f"{host}: {word}: {cure_of(word)}") from None
+
+
+@contextmanager
 def connected(host: str) -> Iterator[Franka]:
     """Robot and gripper at an address; InputError if they do not answer."""
     binding = load_franka()
@@ -114,8 +119,8 @@ def connected(host: str) -> Iterator[Franka]:
     try:
         # The gripper first: its process can be ended.
         gripper.state()
-        with controller_errors(host):
-            yield Franka(host, binding.Robot(host, config), gripper)
+        with _errors(host, binding):
+            yield Franka(host, binding.Robot(host, config), gripper, binding)
     finally:
         gripper.close()
 

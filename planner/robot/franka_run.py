@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import gc
-import math
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -15,30 +13,24 @@ from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, ThrowPlane
 from ..clearance import BAR, CollisionScene
-from ..throw import TICK, Samples, braked, joint_limits, within_limits
-from ..verdict import Code, Finding, collision, held_verdict
+from ..throw import TICK, Samples, joint_limits, within_limits
+from ..verdict import Code, Finding, collision
 from .controller_files import JointMotion
 from .expectations import Expectations, swept_bodies
-from .franka import STILL, Franka, controller_errors, load_franka
-from .gripper import MOVED, OPEN_WIDTH, SPEED, GripperLink, GripperState
+from .franka import STILL, Franka
+from .gripper import MOVED, SPEED, GripperLink, GripperState
 from .learning import corrected
 from .recording import Recording
+from .watch import Stop, Watch
 
-#: Time [s] after the opening command in which the gripper must have begun to open.
-UNOPENED = 3.0
 #: Time [s] in which the gripper ends a motion.
 GRIPPER_ENDS = 10.0
 #: Grip force [N] with which it closes: the Franka Hand's largest continuous one, by its data sheet.
 GRIP_FORCE = 70.0
 #: Allowed difference [m] of the grasped width from the first one, smaller and larger.
 GRASP_TOLERANCE = 0.005
-#: Distance [samples] of the instants at which the arm may stop on the way, and shortest notice.
-STOPS, NOTICE = 10, 2
 #: Speed [m/s] of the fastest point of arm and hand in a rehearsal: reduced speed, ISO 10218-1.
 REHEARSAL_SPEED = 0.25
-
-#: From a sample on, other joint positions to send, and where they end.
-Detour = tuple[int, list[Any], Array]
 
 
 def throws(
@@ -52,6 +44,8 @@ def throws(
     grasp: GripperState | None = None
     while True:
         start, gripper = franka.check(plan.arm)
+        if grasp is None and gripper.width > gripper.max_width - MOVED:
+            raise InputError(f"{franka.host}: its gripper is open: let it grasp the object")
         grasp, way = grasp or gripper, approach(sent, start)
         ask(
             f"{_approach_words(franka, sent, start)}, then the throw in {sent.times[-1]:.2f} s; "
@@ -83,14 +77,14 @@ def rehearse(
         f"slow, in {TICK * (len(slow) - 1):.1f} s; the gripper stays {1e3 * gripper.width:.0f} mm "
         f"open\n{Expectations(sent, way).words}"
     )
-    return _send(franka, way, slow, _Watch(franka.gripper, gripper))
+    return _send(franka, way, slow, Watch(franka.gripper, gripper))
 
 
 def slowed(motion: JointMotion) -> Array:
     """The path of a motion at `REHEARSAL_SPEED`: joints (N, joints) [rad] every millisecond."""
     stretch, throw = _stretch(motion), motion.throw
     path = throw.samples.path
-    _, q, dq, ddq = path.at(np.arange(0.0, path.end + TICK / stretch, TICK / stretch))
+    q, dq, ddq = path.at(np.arange(0.0, path.end + TICK / stretch, TICK / stretch))
     samples = Samples(q.T, dq.T / stretch, ddq.T / stretch**2)
     return JointMotion.of(dataclasses.replace(throw, samples=samples)).q
 
@@ -108,121 +102,40 @@ def play(franka: Franka, motion: JointMotion, way: Array) -> Recording:
     brake. Both are the recording's `trouble`. InputError for errors of the controller, and if the
     arm does not come to rest at the goal.
     """
-    watch = _Watch(franka.gripper, franka.gripper.state(), motion)
+    watch = Watch(franka.gripper, franka.gripper.state(), motion)
     recording = _send(franka, way, motion.q, watch)
     return dataclasses.replace(recording, trouble=watch.lost or watch.unopened())
 
 
-class _Watch:
-    """The gripper during a motion: its opening in time, its width, and what goes wrong.
+def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
+    """Move along `way` to the start, then send q, both (N, joints) [rad] every millisecond.
 
-    before: its state before the motion; motion: with an opening, None without one.
+    InputError for an object that is lost on the way.
     """
-
-    def __init__(
-        self, gripper: GripperLink, before: GripperState, motion: JointMotion | None = None
-    ) -> None:
-        self.gripper, self.before, self.lost = gripper, before, ""
-        #: Of the robot's clock [s], 0 at the first sample; NaN while no command is given.
-        self.command_time = math.nan
-        self.widths = [(0.0, before.width)]
-        self._due = math.inf if motion is None else motion.throw.command_time
-        self._stops = [] if motion is None else stops(motion)
-
-    def drain(self, elapsed: float) -> None:
-        """Called in each cycle before the motion: no report waits for its first cycle."""
-        self.gripper.update()
-
-    def cycle(self, elapsed: float) -> Detour | None:
-        """Called in each cycle: order the opening in that of its command, and look at the width."""
-        if self.lost:
-            return None
-        if math.isnan(self.command_time) and elapsed + TICK > self._due:
-            # The gripper's process waits for the rest of the cycle.
-            wait = max(self._due - elapsed, 0.0)
-            self.gripper.order("move", OPEN_WIDTH, SPEED, after=wait)
-            self.command_time = elapsed + wait
-        if not self.gripper.update():
-            return None
-        now = self.gripper.states[-1]
-        self.widths.append((elapsed, now.width))
-        if not math.isnan(self.command_time) or math.isinf(self._due):
-            return None
-        if abs(now.width - self.before.width) < MOVED and now.holds == self.before.holds:
-            return None
-        ahead = [stop for stop in self._stops if stop[0] >= elapsed / TICK + NOTICE]
-        if not ahead:
-            return None
-        self.lost = (
-            f"the object was lost {elapsed:.2f} s after the start: the gripper went from "
-            f"{1e3 * self.before.width:.0f} to {1e3 * now.width:.0f} mm; the arm braked, the "
-            "gripper got no command: grasp it better, or throw more slowly"
-        )
-        return ahead[0]
-
-    def unopened(self) -> str:
-        """What is wrong with a gripper that has not opened after its command, in words."""
-        end = (self.gripper.ordered or time.monotonic()) + UNOPENED
-        while True:
-            widest = max(state.width for state in self.gripper.states)
-            if widest > self.before.width + MOVED:
-                return ""
-            if time.monotonic() > end:
-                return (
-                    f"the gripper did not open: {1e3 * widest:.0f} mm wide {UNOPENED:g} s after "
-                    "its command; the arm stopped by its planned brake: see Desk for the gripper's "
-                    "state"
-                )
-            self.gripper.update(0.1)
-
-
-def stops(motion: JointMotion) -> list[Detour]:
-    """Ways to stop on the way to the opening command, from samples `STOPS` apart.
-
-    Each is the motion up to its sample, then the brake as fast as the limits allow; only those that
-    meet nothing with the object in the hand.
-    """
-    throw, found = motion.throw, []
-    scene, manipulator, sent = throw.scene, throw.manipulator, throw.samples
-    for sample in range(STOPS, motion.cycle + STOPS, STOPS):
-        upto = slice(0, sample + 1)
-        samples = braked(manipulator, Samples(sent.q[upto], sent.dq[upto], sent.ddq[upto]))
-        if held_verdict(scene, manipulator, samples, sample).ok:
-            q = JointMotion.of(dataclasses.replace(throw, samples=samples)).q
-            found.append((sample, _positions(q), q))
-    return found
-
-
-def _positions(q: Array) -> list[Any]:
-    """The binding's commands for joints (N, joints) [rad]."""
-    binding = load_franka()
-    return [binding.JointPositions(row) for row in q.tolist()]
-
-
-def _send(franka: Franka, way: Array, q: Array, watch: _Watch) -> Recording:
-    """Move along `way` to the start, then send q, both (N, joints) [rad] every millisecond."""
-    # The commands are made before the stream begins.
-    first, sent = _positions(way), _positions(q)
     gc.disable()
     try:
-        with controller_errors(franka.host):
-            mode = load_franka().ControllerMode.JointImpedance
+        with franka.errors():
+            mode = franka.binding.ControllerMode.JointImpedance
             control = franka.robot.start_joint_position_control(mode)
-            _stream(control, first, way, watch.drain)
-            seen, sent, q = _stream(control, sent, q, watch.cycle)
-            sent[-1].motion_finished = True
-            control.readOnce()
-            control.writeOnce(sent[-1])
+            stream = _Stream(control, franka.binding.JointPositions)
+            # The commands are made before the stream begins.
+            first, then = stream.commands(way), stream.commands(q)
+            seen, sent = stream.send(first, way, watch.approach)
+            if not watch.lost:
+                seen, sent = stream.send(then, q, watch.cycle)
+            stream.end(sent[-1])
     finally:
         gc.enable()
+    if sent is way:
+        raise InputError(f"{franka.host}: {watch.lost}")
     times = np.array([elapsed for elapsed, _ in seen])
-    rows = np.minimum(np.rint(times / TICK).astype(int), len(q) - 1)
+    rows = np.minimum(np.rint(times / TICK).astype(int), len(sent) - 1)
     known = np.searchsorted([time for time, _ in watch.widths], times, "right") - 1
     return Recording(
         times,
         np.array([state.q for _, state in seen]),
         np.array([state.dq for _, state in seen]),
-        q[rows],
+        sent[rows],
         np.array([width for _, width in watch.widths])[known],
         watch.command_time,
     )
@@ -262,44 +175,60 @@ def _close_again(gripper: GripperLink, grasp: GripperState) -> None:
         raise InputError(f"{gripper.host}: {what}: put the object between the pads")
 
 
-def _stream(
-    control: Any,
-    commands: list[Any],
-    q: Array,
-    cycle: Callable[[float], Detour | None] = lambda elapsed: None,
-) -> tuple[list[tuple[float, Any]], list[Any], Array]:
-    """Send a command per millisecond of the robot's clock, the last one until the arm stands.
+@dataclasses.dataclass(frozen=True)
+class _Stream:
+    """Joint positions sent on the robot's clock; command: the binding's for joints [rad]."""
 
-    commands: the binding's for joints q (N, joints) [rad]. It stands once it has been at rest for
-    0.1 s, within 0.03 rad of the last; InputError if it does not within 5 s. cycle: called in each
-    cycle with the time [s] since the first command; may change the commands that are to come.
-    Returns that time and the robot's state in each cycle, and the commands and joints sent.
-    """
-    seen: list[tuple[float, Any]] = []
-    first, still = None, 0
-    while True:
-        state, _ = control.readOnce()
-        now = state.time.to_sec()
-        first = now if first is None else first
-        elapsed, last = now - first, len(commands) - 1
-        # The motion follows the clock: missed cycles are skipped.
-        sample = min(round(elapsed / TICK), last)
-        control.writeOnce(commands[sample])
-        seen.append((elapsed, state))
-        if (detour := cycle(elapsed)) is not None:
-            _, commands, q = detour
-            continue
-        if sample < last:
-            continue
-        still = still + 1 if max(map(abs, state.dq)) < STILL else 0
-        away = np.abs(np.array(state.q) - q[-1])
-        if still >= 0.1 / TICK and away.max() < 0.03:
-            return seen, commands, q
-        if elapsed > TICK * last + 5.0:
-            raise InputError(
-                f"the arm does not come to stand where it was sent: joint {away.argmax() + 1} is "
-                f"{away.max():.3f} rad away: check the load set in Desk"
-            )
+    control: Any
+    command: Callable[[list[float]], Any]
+
+    def commands(self, q: Array) -> list[Any]:
+        """The commands for joints (N, joints) [rad]."""
+        return [self.command(row) for row in q.tolist()]
+
+    def send(
+        self, commands: list[Any], q: Array, cycle: Callable[[float], Stop | None]
+    ) -> tuple[list[tuple[float, Any]], Array]:
+        """Send q (N, joints) [rad], a command per millisecond, the last one until the arm stands.
+
+        It stands once it has been at rest for 0.1 s, within 0.03 rad of the last row; InputError if
+        it does not within 5 s. cycle: called in each cycle with the time [s] since the first row;
+        may return where to stop. Returns that time and the robot's state in each cycle, and what
+        was sent.
+        """
+        seen: list[tuple[float, Any]] = []
+        first, still = None, 0
+        while True:
+            state, _ = self.control.readOnce()
+            now = state.time.to_sec()
+            first = now if first is None else first
+            elapsed, last = now - first, len(commands) - 1
+            # The motion follows the clock: missed cycles are skipped.
+            sample = min(round(elapsed / TICK), last)
+            self.control.writeOnce(commands[sample])
+            seen.append((elapsed, state))
+            stop = cycle(elapsed)
+            if stop is not None:
+                q = stop.q
+                commands = commands[: stop.sample] + self.commands(q[stop.sample :])
+            elif sample == last:
+                still = still + 1 if max(map(abs, state.dq)) < STILL else 0
+                away = np.abs(np.array(state.q) - q[-1])
+                if still >= 0.1 / TICK and away.max() < 0.03:
+                    return seen, q
+                if elapsed > TICK * last + 5.0:
+                    raise InputError(
+                        f"the arm does not come to stand where it was sent: joint "
+                        f"{away.argmax() + 1} is {away.max():.3f} rad away: check the load set in "
+                        "Desk"
+                    )
+
+    def end(self, q: Array) -> None:
+        """End the motion at joints q (joints,) [rad]."""
+        last = self.command(q.tolist())
+        last.motion_finished = True
+        self.control.readOnce()
+        self.control.writeOnce(last)
 
 
 # The way to the start pose.

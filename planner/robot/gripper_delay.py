@@ -23,14 +23,15 @@ OPENING = 0.05
 BEGINS, ENDS = 5.0, 10.0
 #: Time [s] at rest before an opening, at least that of five reports.
 REST = 0.3
-#: Part of the way that the fit takes: near its end the gripper slows down.
-FITTED = 0.7
+#: Way [m] that the fit takes at least, and share of the way that it takes at most: later the
+#: gripper may be slower.
+BEGIN, FITTED = 0.003, 0.7
 #: Golden ratio: its multiples spread evenly modulo 1.
 GOLDEN = (5**0.5 - 1) / 2
 #: Starts [s] of the fit for the time to full speed.
 RAMPS = (1e-3, 0.02, 0.1)
-#: Fewest reports of the width in motion in one opening.
-FEWEST = 2
+#: Reports of the width in motion in each opening: to fit, and at least.
+ENOUGH, FEWEST = 4, 2
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,18 @@ class Opening:
         return float(self.widths[-1] - self.widths[0])
 
     @property
-    def part(self) -> tuple[Array, Array]:
-        """Times [s] and ways [m] (M,) of the reports until `FITTED` of the way."""
+    def speed(self) -> float:
+        """Mean speed [m/s] in the middle of the way."""
+        share = (self.widths - self.widths[0]) / self.way
+        first, last = np.argmax(share > 1 - FITTED), np.argmax(share > FITTED)
+        middle = slice(int(first) - 1, int(last) + 1)
+        times, widths = self.times[middle], self.widths[middle]
+        return float((widths[-1] - widths[0]) / (times[-1] - times[0]))
+
+    def begin(self, way: float) -> tuple[Array, Array]:
+        """Times [s] and ways [m] (M,) of the reports before it has gone `way` [m]."""
         gone = self.widths - self.widths[0]
-        count = int(np.argmax(gone > FITTED * self.way))
+        count = int(np.argmax(gone > min(way, FITTED * self.way)))
         return self.times[:count], gone[:count]
 
 
@@ -57,15 +66,14 @@ class Opening:
 class GripperDelay:
     """Delays of a gripper.
 
-    delays (N,) [s]: from each opening's command to its motion; speed [m/s]: of the width;
-    ramp [s]: time to that speed; interval [s]: between reports of the width; error [m]: standard
-    deviation of these about the fit.
+    delays (N,) [s]: from each opening's command to its motion; speed [m/s]: of the width, in the
+    middle of its way; interval [s]: between reports of the width; error [m]: standard deviation of
+    these about the fit.
     """
 
     host: str
     delays: Array
     speed: float
-    ramp: float
     interval: float
     error: float
 
@@ -106,8 +114,7 @@ class GripperDelay:
         return (
             f"From command to motion {delays.mean():.1f} ms in the mean, standard deviation "
             f"{delays.std():.1f} ms, {delays.min():.1f} to {delays.max():.1f} ms; it opens at "
-            f"{self.speed:.3f} m/s, {1e3 * self.ramp:.0f} ms after it begins; it reports its width "
-            f"every {1e3 * self.interval:.0f} ms."
+            f"{self.speed:.3f} m/s; it reports its width every {1e3 * self.interval:.0f} ms."
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -124,7 +131,6 @@ class GripperDelay:
                 "samples": delays.tolist(),
             },
             "speed": self.speed,
-            "ramp": self.ramp,
             "interval": self.interval,
             "error": self.error,
         }
@@ -209,8 +215,12 @@ def fitted(host: str, openings: Sequence[Opening]) -> GripperDelay:
     from scipy.optimize import least_squares
 
     interval = float(np.median(np.concatenate([np.diff(one.times) for one in openings])))
-    parts = [one.part for one in openings]
-    moving = [(times[way > MOVED / 4], way[way > MOVED / 4]) for times, way in parts]
+    parts: list[tuple[Array, Array]] = []
+    moving, way = parts, BEGIN
+    while not moving or (min(len(t) for t, _ in moving) < ENOUGH and way < OPEN_WIDTH):
+        parts = [one.begin(way) for one in openings]
+        moving = [(times[gone > MOVED / 4], gone[gone > MOVED / 4]) for times, gone in parts]
+        way *= 1.2
     if min(len(times) for times, _ in moving) < FEWEST:
         raise InputError(
             f"{host}: the gripper reports its width every {1e3 * interval:.0f} ms, too rarely to "
@@ -220,15 +230,15 @@ def fitted(host: str, openings: Sequence[Opening]) -> GripperDelay:
 
     def errors(point: Array) -> Array:
         ways = [
-            point[0] * _travel(times - delay, point[1]) - way
-            for (times, way), delay in zip(parts, point[2:], strict=True)
+            point[0] * _travel(times - delay, point[1]) - gone
+            for (times, gone), delay in zip(parts, point[2:], strict=True)
         ]
         return np.concatenate(ways)
 
     def fit(ramp: float) -> Any:
         # Each report in motion tells when the motion began.
-        begins = [float(np.mean(t - _duration(w / speed, ramp))) for t, w in moving]
-        low = [0.1 * speed, 0.0, *[-np.inf] * len(parts)]
+        begins = [max(float(np.mean(t - _duration(w / speed, ramp))), 1e-6) for t, w in moving]
+        low = [0.1 * speed, 0.0, *[0.0] * len(parts)]
         high = [10 * speed, 1.0, *[np.inf] * len(parts)]
         scale = [speed, 0.02, *[0.01] * len(parts)]
         start = [speed, ramp, *begins]
@@ -236,7 +246,8 @@ def fitted(host: str, openings: Sequence[Opening]) -> GripperDelay:
 
     best = min(map(fit, RAMPS), key=lambda found: float(found.cost))
     error = float(np.sqrt(np.mean(best.fun**2)))
-    return GripperDelay(host, best.x[2:], float(best.x[0]), float(best.x[1]), interval, error)
+    mean_speed = float(np.median([one.speed for one in openings]))
+    return GripperDelay(host, best.x[2:], mean_speed, interval, error)
 
 
 def _travel(since: Array, ramp: float) -> Array:
