@@ -335,9 +335,9 @@ def _torque_words(use: float, rate: float, rate_limit: float | None) -> str:
     if rate_limit is None or rate <= rate_limit:
         return f"{words}, torque rate at most {rate:,.0f} N m/s"
     return (
-        f"{words}, torque rate up to {rate:,.0f} N m/s\n  note: the arm's data sheet recommends at "
-        f"most {rate_limit:,.0f} N m/s: use an arm file with {rate_limit / rate:.2g} times\n"
-        "        the jerk limits, or expect the controller to stop the arm"
+        f"{words}, torque rate up to {rate:,.0f} N m/s\n  note: the arm's maker recommends at "
+        f"most {rate_limit:,.0f} N m/s: expect it to depart from the\n"
+        f"        commanded motion, or plan with [torque] rate = {rate_limit:g}"
     )
 
 

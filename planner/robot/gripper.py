@@ -141,6 +141,8 @@ def _serve(host: str, pipe: Connection) -> None:
             _forward(pipe, orders, states)
     except EOFError:
         pass
+    except ConnectionError:
+        pipe.send(("error", "it closed the connection"))
     except (OSError, _ProtocolError) as error:
         words = error.strerror if isinstance(error, OSError) and error.strerror else error
         pipe.send(("error", str(words)))
@@ -213,6 +215,6 @@ def _bytes(orders: socket.socket, count: int) -> bytes:
     while len(found) < count:
         more = orders.recv(count - len(found))
         if not more:
-            raise _ProtocolError("it closed the connection")
+            raise ConnectionError
         found += more
     return found

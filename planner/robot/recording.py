@@ -136,7 +136,8 @@ class Recording:
         are judged on what was sent: recorded joints are too noisy to differentiate.
         """
         bare = throw.in_scene(throw.scene.without_clearances())
-        judged = verdict(bare, sent=plan).without(Code.TORQUE, Code.TOOL_SPEED, Code.LANDING)
+        noisy = Code.TORQUE, Code.TORQUE_RATE, Code.TOOL_SPEED
+        judged = verdict(bare, sent=plan).without(*noisy, Code.LANDING)
         if error is None or judged.cup:
             return judged.broken
         off = outside_tolerance(plan.scene.tolerance, error["position"], error["angle"])
