@@ -278,8 +278,8 @@ def _with_torque_rate(scene: Scene, kinematics: PlanarArm, limits: Limits) -> Li
     for j, jerk in enumerate(limits.jerk):
         turning = still.copy()
         turning[j] = jerk
-        angles = map(kinematics.link_angles, (q, still, turning))
-        most += np.abs(np.array(dynamics.torques(*angles, gravity=0.0)))
+        angles, rates, turns = map(kinematics.link_angles, (q, still, turning))
+        most += np.abs(np.array(dynamics.torques(angles, rates, turns, 0.0)))
     share = min((1 - RATE_RESERVE) * rate / most.max(), 1.0)
     return replace(limits, jerk=share * limits.jerk)
 
