@@ -1,4 +1,8 @@
-"""A relay in front of a simulated Franka that spoils what its gripper hears."""
+"""A relay in front of a simulated Franka that spoils what its gripper hears.
+
+`relay.py HOST SERVER deaf` or `relay.py HOST SERVER DELAY ...`: a process of its own, as libfranka's
+binding holds Python's lock while it connects.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import contextlib
 import itertools
 import socket
 import struct
+import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -91,3 +96,10 @@ def _end(*sockets: socket.socket) -> None:
         with contextlib.suppress(OSError):
             one.shutdown(socket.SHUT_RDWR)
         one.close()
+
+
+if __name__ == "__main__":
+    deaf = sys.argv[3] == "deaf"
+    Relay(*sys.argv[1:3], [0.0] if deaf else [float(word) for word in sys.argv[3:]], deaf=deaf)
+    print("ready", flush=True)
+    threading.Event().wait()

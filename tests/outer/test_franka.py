@@ -7,12 +7,13 @@ import importlib
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
-from relay import Relay
 from throwplan.planner.reach import reach_map
 from throwplan.planner.robot import approach, joint_motion
 from throwplan.problems.arms import load_gripper
@@ -41,6 +42,19 @@ def robot() -> Iterator[str]:
     finally:
         server.kill()
         server.communicate()
+
+
+@contextmanager
+def relayed(host: str, robot: str, *words: object) -> Iterator[None]:
+    """A relay at `host` in front of the robot, see tests/relay.py."""
+    file = Path(__file__).parent.parent / "relay.py"
+    order = [sys.executable, str(file), host, robot, *map(str, words)]
+    with subprocess.Popen(order, stdout=subprocess.PIPE, text=True) as relay:
+        assert relay.stdout is not None and "ready" in relay.stdout.readline()
+        try:
+            yield
+        finally:
+            relay.kill()
 
 
 def half_open(robot: str) -> None:
@@ -96,12 +110,9 @@ def test_a_robot_throws_and_what_it_did_is_recorded(robot, saved, tmp_path, run,
 def test_a_set_delay_is_found_behind_a_relay(robot, tmp_path, run) -> None:
     """80 ms in the mean, up to 15 ms earlier and later; the simulated hand adds less than 2 ms."""
     delays = (0.065, 0.095, 0.069, 0.091, 0.073, 0.087, 0.077, 0.083)
-    relay = Relay(SLOW, robot, delays)
-    try:
-        file = tmp_path / "hand.toml"
+    file = tmp_path / "hand.toml"
+    with relayed(SLOW, robot, *delays):
         said = run("measure-gripper --yes --json --times 8 --robot", SLOW, "--out", file)
-    finally:
-        relay.close()
     assert said.status == 0, said.err
     assert said.json["delay"]["mean"] == pytest.approx(0.080, abs=0.005)
     assert np.array(said.json["delay"]["samples"]) == pytest.approx(np.array(delays), abs=0.008)
@@ -122,11 +133,8 @@ def test_a_rehearsal_opens_nothing(robot, saved, run) -> None:
 def test_a_gripper_that_does_not_open_ends_in_a_stop(robot, saved, tmp_path, run, table) -> None:
     plan, out = saved("fr3"), tmp_path / "out"
     half_open(robot)
-    relay = Relay(DEAF, robot, deaf=True)
-    try:
+    with relayed(DEAF, robot, "deaf"):
         said = run("run --yes --repeat 3", plan, "--robot", DEAF, "--out", out)
-    finally:
-        relay.close()
     assert said.status == 2
     assert "the gripper did not open" in said.err.splitlines()[-1]
     rows = table(out / "run1.csv")
