@@ -1,6 +1,6 @@
 """A relay in front of a simulated Franka that spoils what its gripper hears.
 
-`relay.py HOST SERVER deaf` or `relay.py HOST SERVER DELAY ...`: a process of its own, as libfranka's
+`relay.py HOST SERVER deaf` or `relay.py HOST SERVER DELAY ...`: a process of its own, since libfranka's
 binding holds Python's lock while it connects.
 """
 
