@@ -1,7 +1,7 @@
 """A relay in front of a simulated Franka that spoils what its gripper hears.
 
-`relay.py HOST SERVER deaf` or `relay.py HOST SERVER DELAY ...`: a process of its own, since libfranka's
-binding holds Python's lock while it connects.
+`relay.py HOST SERVER deaf` or `relay.py HOST SERVER DELAY ...`: a process of its own, since the
+binding of libfranka holds Python's lock while it connects.
 """
 
 from __future__ import annotations
