@@ -5,7 +5,7 @@ are frozen dataclasses in SI units and radians; a section that is None adds noth
 and writes, `throws` has measured throws, `urdf` makes arms from robots' files.
 """
 
-from .arms import load_arm
+from .arms import GripperData, load_arm
 from .calibration import Calibration, check_level, rank_of
 from .checks import InputError, ThrowplanError, check_arguments, checked
 from .grip import Grasp, Gripper, PadContact, ThrownObject

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ from ..models.robot import (
 from .checks import InputError, within
 from .files import read_text, shipped, toml_lines, toml_tables
 from .section import from_table, meanings, rows_from, table_of
+from .uncertainty import Distribution
 
 #: Types of joints in the chain by the name of their tables.
 CHAINS: dict[str, type[Any]] = {"dh": DHRow, "joints": JointFrame}
@@ -66,6 +68,31 @@ class GripperData:
         "kg m² about the CoM: xx, xy, xz, yy, yz, zz"
     )
     capsules: tuple[GripperCapsule, ...] = described("its shapes, see [[capsules]]", ())
+    delay: Distribution | None = described(
+        "s, of the opening about `dwell`, as in [uncertainty], where a scene leaves out both", None
+    )
+
+    @classmethod
+    def of_hand(cls, arm: Arm, description: str, **grip: Any) -> GripperData:
+        """The hand of an arm's data file; grip: force, dwell, opening and delay."""
+        hand, tool, number = arm.links[-1], arm.tool, arm.joints + 1
+        reach = ("tcp", "palm_back", "palm_front", "palm_half_width")
+        capsules = (c for c in arm.capsules if c.link == number)
+        return cls(
+            description=description,
+            **grip,
+            **{key: getattr(tool, key) for key in reach},
+            mass=hand.mass,
+            com=hand.com,
+            inertia=hand.inertia,
+            capsules=tuple(GripperCapsule(c.begin, c.end, c.radius) for c in capsules),
+        )
+
+    def text(self, remarks: Sequence[str] = ()) -> str:
+        """TOML that `load_gripper` reads as this gripper, with units; remarks go in front."""
+        tables = {"": GripperData, "capsules": GripperCapsule}
+        key_meanings = {name: meanings(kind) for name, kind in tables.items()}
+        return _text(table_of(self), key_meanings, remarks)
 
     def on(self, tables: Mapping[str, Any]) -> dict[str, Any]:
         """An arm's tables with this gripper in place of any other."""
@@ -163,6 +190,13 @@ def arm_table(arm: Arm) -> dict[str, Any]:
 def arm_text(arm: Arm, remarks: Sequence[str] = ()) -> str:
     """TOML that `load_arm` reads as this arm, with units; remarks go in front."""
     key_meanings = {name: meanings(kind) for name, kind in TABLES.items()}
-    lines = [f"# {' '.join(remark.split())}" for remark in remarks]
-    lines += ["# Joint numbers count from 1.", *toml_lines(arm_table(arm), key_meanings)]
-    return "\n".join(lines) + "\n"
+    return _text(arm_table(arm), key_meanings, [*remarks, "Joint numbers count from 1."])
+
+
+def _text(
+    table: Mapping[str, Any], key_meanings: Mapping[str, Mapping[str, str]], remarks: Sequence[str]
+) -> str:
+    """A data file: remarks, each in lines of at most 100 characters, then the table."""
+    wrapped = (textwrap.wrap(remark, 98, break_long_words=False) for remark in remarks)
+    lines = [line for one in wrapped for line in one]
+    return "\n".join([*(f"# {line}" for line in lines), *toml_lines(table, key_meanings)]) + "\n"

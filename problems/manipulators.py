@@ -158,11 +158,16 @@ class Torque(Section):
 
     Without this section the arm's own limits hold, and enter the NLP after a throw has broken them;
     with it they are in the NLP from the start. The torques neglect friction and rotors of the
-    drives, and the joints that hold the posture.
+    drives, and the joints that hold the posture. A `rate` lowers the jerk limits of all throwing
+    joints by one factor, from which on the inertia of the arm cannot exceed nine tenths of it; the
+    verdict checks the rate itself.
     """
 
     limits: tuple[float, ...] | None = optional(
         "N m, one per throwing joint; the arm's own where left out", above=0, most=1e6
+    )
+    rate: float | None = optional(
+        "N m/s, most change of any throwing joint's torque; left out: none", above=0, most=1e9
     )
     margin: float = quantity(
         "margin for smoothing and correction, as a share of the limits",

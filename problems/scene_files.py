@@ -16,7 +16,7 @@ from .files import read_csv, read_text, shipped, toml_tables
 from .grip import held_object
 from .poses import Region
 from .scene import MOVERS, SECTIONS, TOP_KEYS, Scene
-from .section import from_table, hints_of, rows_from, unknown
+from .section import from_table, hints_of, rows_from, table_of, unknown
 from .targets import Obstacle
 from .uncertainty import uncertainty_from
 
@@ -91,6 +91,7 @@ def _scene_from(
     arm: the robot's data, in place of the arm named by the scene.
     """
     values: dict[str, Any] = {"file": file, "arm": arm}
+    tables = _with_delay(tables, folder)
     mistakes, fields = Mistakes(), {field.name: field for field in dataclasses.fields(Scene)}
     for key, value in tables.items():
         with mistakes.kept():
@@ -142,6 +143,24 @@ def _grip_of(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
     if {"table", "times", "forces"} & table.keys():
         return dict(table)
     return {key: getattr(data, key) for key in ("force", "dwell", "opening")} | dict(table)
+
+
+def _with_delay(tables: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
+    """The tables with the delay of the gripper's file in [uncertainty], if they leave out that and
+    the dwell that it is about."""
+    grip, section = tables.get("gripper"), tables.get("uncertainty", {})
+    if not isinstance(grip, Mapping) or not isinstance(section, Mapping):
+        return tables
+    name = grip.get("file")
+    if not isinstance(name, str) or "dwell" in grip or "delay" in section:
+        return tables
+    try:
+        delay = load_gripper(name, folder).delay
+    except InputError:  # said with the section
+        return tables
+    if delay is None:
+        return tables
+    return {**tables, "uncertainty": {**section, "delay": table_of(delay)}}
 
 
 def _read_grip_table(name: str, folder: Path | None, raw: bool) -> dict[str, Any]:

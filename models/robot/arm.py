@@ -117,7 +117,9 @@ class JointLimits:
     acceleration: Vector = described("rad/s²", above=0)
     jerk: Vector = described("rad/s³", above=0)
     torque: Vector = described("N m", above=0)
-    torque_rate: Vector | None = described("N m/s; reported, not limited", None, above=0)
+    torque_rate: Vector | None = described(
+        "N m/s, recommended; reported, limited by [torque] rate only", None, above=0
+    )
     tool_speed: float | None = described(
         "m/s, of flange and pads' centre; left out: as fast as the joints", None, above=0
     )

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from ... import __version__
 from ...core import CoreError
 from ...problems import InputError
-from . import import_robot, measured, saved_plans, scenes
+from . import import_robot, measured, robots, saved_plans, scenes
 from .common import DONE, WRONG_INPUT, Interrupts, Parser, Progress
 
 #: The functions of each command, in the order of the help.
@@ -32,10 +32,11 @@ COMMANDS = {
     "view": (saved_plans.view_arguments, saved_plans.view),
     "play": (saved_plans.play_arguments, saved_plans.play),
     "replay": (saved_plans.replay_arguments, saved_plans.replay),
-    "run": (saved_plans.run_arguments, saved_plans.run),
-    "correct": (saved_plans.correct_arguments, saved_plans.correct),
+    "run": (robots.run_arguments, robots.run),
+    "correct": (robots.correct_arguments, robots.correct),
     "export": (saved_plans.export_arguments, saved_plans.export),
     "import-robot": (import_robot.arguments, import_robot.run),
+    "measure-gripper": (robots.measure_gripper_arguments, robots.measure_gripper),
     "make-throws": (measured.make_throws_arguments, measured.make_synthetic),
     "identify": (measured.identify_arguments, measured.identify_models),
     "calibrate": (measured.calibrate_arguments, measured.calibrate_scene),

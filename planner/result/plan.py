@@ -17,6 +17,7 @@ from ..ocp import load_curve
 from ..throw import Manipulator, Throw, torque_limits
 from ..verdict import (
     CalibratedLanding,
+    DelayTolerance,
     RestCount,
     Verdict,
     calibrated_landing,
@@ -107,6 +108,17 @@ class Plan:
             return None
         return calibrated_landing(self.throw.deciding, self.goal)
 
+    @cached_property
+    def delay(self) -> DelayTolerance | None:
+        """What an unknown delay of the gripper does to the throw.
+
+        None without a throw, and for a scene that knows the delay by its [uncertainty].
+        """
+        section = self.scene.uncertainty
+        if self.throw is None or not self.solved or (section is not None and section.delay):
+            return None
+        return DelayTolerance.of(self.throw.deciding, self.target)
+
     @property
     def solved(self) -> bool:
         """Whether the verdict on the throw that is sent has no broken limit."""
@@ -162,7 +174,8 @@ class Plan:
             more["torque"] = {"use": use, "rate": torques.rate, "rate_limit": limit}
         if self.scene.notes:
             more["notes"] = list(self.scene.notes)
-        for name, claim in (("calibration", self.calibrated), ("rest", self.rests)):
+        claims = {"calibration": self.calibrated, "rest": self.rests, "delay": self.delay}
+        for name, claim in claims.items():
             if claim is not None:
                 more[name] = claim.to_dict()
         if self.robust:
@@ -284,6 +297,8 @@ class Plan:
                 f"  alternative {number}: effort {other['effort']:.2f}, opening at "
                 f"{1e3 * moments['opening_time']:.0f} ms, flight {flight:.0f} ms"
             )
+        if self.delay is not None:
+            lines.append(f"  note: {self.delay.words}")
         lines += [f"  note: {words}" for words in scene.notes]
         if scene.gripper.raw:
             grip = scene.gripper.profile()
@@ -325,9 +340,9 @@ def _torque_words(use: float, rate: float, rate_limit: float | None) -> str:
     if rate_limit is None or rate <= rate_limit:
         return f"{words}, torque rate at most {rate:,.0f} N m/s"
     return (
-        f"{words}, torque rate up to {rate:,.0f} N m/s\n  note: the arm's data sheet recommends at "
-        f"most {rate_limit:,.0f} N m/s: use an arm file with {rate_limit / rate:.2g} times\n"
-        "        the jerk limits, or expect the controller to stop the arm"
+        f"{words}, torque rate up to {rate:,.0f} N m/s\n  note: the arm's maker recommends at "
+        f"most {rate_limit:,.0f} N m/s: expect it to depart from the\n"
+        f"        commanded motion, or plan with [torque] rate = {rate_limit:g}"
     )
 
 

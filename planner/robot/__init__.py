@@ -11,8 +11,11 @@ from .controller_files import (
     motion_facts,
     write_franka,
 )
-from .franka import Franka, GripperState, check_arm, connected
-from .franka_run import approach, throws
+from .expectations import Expectations
+from .franka import Franka, check_arm, connected
+from .franka_run import approach, rehearse, throws
+from .gripper import GripperState
+from .gripper_delay import GripperDelay, measure_gripper
 from .learning import corrected
 from .mujoco_replay import Replay, replay, throw_to_rest, view
 from .mujoco_throw import ReplayEnd

@@ -21,11 +21,10 @@ from ...problems.files import filling, write_json
 from ..result import Plan, joint_samples, throw_of, write_table
 from ..throw import TICK, Throw
 from ..verdict import JOINT_LIMITS, verdict
+from .gripper import OPEN_WIDTH
 
 #: An instant is on a tick if it is within this distance of it [ticks].
 ON_TICK = 1e-6
-#: Default gap [m] of an opened gripper: the Franka Hand's.
-OPEN_WIDTH = 0.08
 #: Program for libfranka that throws the files beside it.
 FRANKA_PROGRAM = ("throw.cpp", "CMakeLists.txt")
 #: Files for libfranka.

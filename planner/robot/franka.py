@@ -1,18 +1,11 @@
-"""A Franka robot over libfranka's Python binding: its connection, readiness and gripper.
-
-The binding holds Python's lock while a gripper moves, so a process of its own serves the gripper:
-the stream of joint commands must not wait.
-"""
+"""A Franka robot over libfranka's Python binding: its connection and readiness."""
 
 from __future__ import annotations
 
-import multiprocessing
 import socket
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +15,12 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, load_arm
-from ..workers import leave_signals_to_parent, signals_deferred
-from .controller_files import OPEN_WIDTH, is_franka
+from .controller_files import is_franka
+from .gripper import OPEN_WIDTH, GripperLink, GripperState
+from .gripper import PORT as GRIPPER_PORT
 
 #: TCP ports of robot and gripper.
-PORTS = (1337, 1338)
+PORTS = (1337, GRIPPER_PORT)
 #: The only arm that the binding's protocol supports.
 ARM = "fr3"
 #: A robot is at rest if no joint is faster than this [rad/s].
@@ -61,101 +55,27 @@ def cure_of(word: str) -> str:
     return next((cure for part, cure in CURES.items() if part in word), "see Desk for its state")
 
 
-@contextmanager
-def controller_errors(host: str) -> Iterator[None]:
-    """Turn errors of the binding into InputError: the controller's word and its cure."""
-    binding = load_franka()
-    names = ("Franka", "Network", "Control", "Command", "InvalidOperation", "Realtime")
-    try:
-        yield
-    except tuple(getattr(binding, f"{name}Exception") for name in names) as error:
-        word = " ".join(str(error).split()).removeprefix("libfranka: ")
-        raise InputError(f"{host}: {word}: {cure_of(word)}") from None
-
-
-@dataclass(frozen=True)
-class GripperState:
-    """width, max_width [m] (0 before homing), and whether it holds something."""
-
-    width: float
-    max_width: float
-    holds: bool
-
-
-class GripperLink:
-    """The gripper in a process of its own, which answers orders one after the other."""
-
-    def __init__(self, host: str) -> None:
-        self.host, context = host, multiprocessing.get_context("spawn")
-        self._pipe, other = context.Pipe()
-        self._process = context.Process(target=_serve, args=(host, other), daemon=True)
-        with signals_deferred():
-            self._process.start()
-        other.close()
-
-    def order(self, name: str, *values: float, after: float = 0.0) -> None:
-        """Send an order: a method of the binding's gripper, to be called `after` [s]."""
-        self._pipe.send((name, values, after))
-
-    def has_answer(self, patience: float = 0.0) -> bool:
-        """Whether an answer is there, or comes within `patience` [s]."""
-        return self._pipe.poll(patience)
-
-    def answer(self) -> GripperState:
-        """The state after the oldest order; InputError if it failed."""
-        try:
-            found = self._pipe.recv()
-        except (EOFError, ConnectionError):
-            found = "the connection to the gripper ended"
-        if isinstance(found, str):
-            word = " ".join(found.split()).removeprefix("libfranka").removeprefix(" gripper")
-            raise InputError(f"{self.host}: gripper{word}: see Desk for its state")
-        return GripperState(*found)
-
-    def state(self) -> GripperState:
-        """The current state."""
-        self.order("read_once")
-        return self.answer()
-
-    def close(self) -> None:
-        """End its process."""
-        self._process.terminate()
-        self._process.join()
-
-
-def _serve(host: str, pipe: Connection) -> None:
-    """The gripper's process: carries out orders from the pipe and answers with the state."""
-    leave_signals_to_parent()
-    import pylibfranka
-
-    try:
-        gripper = pylibfranka.Gripper(host)
-        while True:
-            name, values, after = pipe.recv()
-            time.sleep(after)
-            getattr(gripper, name)(*values)
-            state = gripper.read_once()
-            pipe.send((state.width, state.max_width, state.is_grasped))
-    except EOFError:
-        pass
-    except (RuntimeError, pylibfranka.FrankaException) as error:
-        pipe.send(str(error))
-
-
 @dataclass(frozen=True)
 class Franka:
-    """A robot that is connected; `connected` makes it."""
+    """A robot that is connected; `connected` makes it. binding: libfranka's, which has made it."""
 
     host: str
     robot: Any
     gripper: GripperLink
+    binding: Any
+
+    @contextmanager
+    def errors(self) -> Iterator[None]:
+        """Turn errors of the binding into InputError: the controller's word and its cure."""
+        with _errors(self.host, self.binding):
+            yield
 
     def check(self, arm: Arm) -> tuple[Array, GripperState]:
         """The current joints [rad] and the gripper; InputError unless the robot is ready.
 
         Ready: of the plan's arm, idle, without errors, at rest, with a homed gripper.
         """
-        with controller_errors(self.host):
+        with self.errors():
             state = self.robot.read_once()
         mode, errors = state.robot_mode.name, str(state.current_errors)
         if state.current_errors:
@@ -178,35 +98,44 @@ class Franka:
 
 
 @contextmanager
+def _errors(host: str, binding: Any) -> Iterator[None]:
+    names = ("Franka", "Network", "Control", "Command", "InvalidOperation", "Realtime")
+    try:
+        yield
+    except tuple(getattr(binding, f"{name}Exception") for name in names) as error:
+        word = " ".join(str(error).split()).removeprefix("libfranka: ")
+        raise InputError(f"{host}: {word}: {cure_of(word)}") from None
+
+
+@contextmanager
 def connected(host: str) -> Iterator[Franka]:
     """Robot and gripper at an address; InputError if they do not answer."""
     binding = load_franka()
     for port in PORTS:
-        # The binding would wait for a minute and ignore interrupts.
-        try:
-            socket.create_connection((host, port), timeout=5.0).close()
-        except OSError as error:
-            why = error.strerror or str(error)
-            raise InputError(
-                f"--robot {host}: does not answer on port {port} ({why}): check the address, the "
-                "cable, and that FCI is active in Desk"
-            ) from None
+        check_port(host, port)
     real_time = Path("/sys/kernel/realtime").exists()
     config = binding.RealtimeConfig.kEnforce if real_time else binding.RealtimeConfig.kIgnore
     gripper = GripperLink(host)
     try:
         # The gripper first: its process can be ended.
-        gripper.order("read_once")
-        if not gripper.has_answer(patience=20.0):
-            raise InputError(
-                f"--robot {host}: port {PORTS[1]} is open and sends nothing: check that it is a "
-                "Franka's address"
-            )
-        gripper.answer()
-        with controller_errors(host):
-            yield Franka(host, binding.Robot(host, config), gripper)
+        gripper.state()
+        with _errors(host, binding):
+            yield Franka(host, binding.Robot(host, config), gripper, binding)
     finally:
         gripper.close()
+
+
+def check_port(host: str, port: int) -> None:
+    """InputError unless something listens there; the binding would wait for a minute and ignore
+    interrupts."""
+    try:
+        socket.create_connection((host, port), timeout=5.0).close()
+    except (OSError, UnicodeError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise InputError(
+            f"--robot {host}: does not answer on port {port} ({why}): check the address, the "
+            "cable, and that FCI is active in Desk"
+        ) from None
 
 
 def check_arm(where: str | Path, arm: Arm) -> None:

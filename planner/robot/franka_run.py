@@ -4,25 +4,33 @@ from __future__ import annotations
 
 import dataclasses
 import gc
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, ThrowPlane
-from ..clearance import BAR, CollisionScene, SweptBodies, bar_ends, held_bar
+from ..clearance import BAR, CollisionScene
 from ..throw import TICK, Samples, joint_limits, within_limits
 from ..verdict import Code, Finding, collision
-from .controller_files import OPEN_WIDTH, JointMotion
-from .franka import STILL, Franka, GripperLink, GripperState, controller_errors, load_franka
+from .controller_files import JointMotion
+from .expectations import Expectations, swept_bodies
+from .franka import STILL, Franka
+from .gripper import MOVED, SPEED, GripperLink, GripperState
 from .learning import corrected
 from .recording import Recording
+from .watch import Stop, Watch
 
-#: Largest speed [m/s] of the gripper.
-GRIPPER_SPEED = 0.2
+#: Time [s] in which the gripper ends a motion.
+GRIPPER_ENDS = 10.0
+#: Grip force [N] with which it closes: the Franka Hand's largest continuous one, by its data sheet.
+GRIP_FORCE = 70.0
+#: Allowed difference [m] of the grasped width from the first one, smaller and larger.
+GRASP_TOLERANCE = 0.005
+#: Speed [m/s] of the fastest point of arm and hand in a rehearsal: reduced speed, ISO 10218-1.
+REHEARSAL_SPEED = 0.25
 
 
 def throws(
@@ -30,71 +38,115 @@ def throws(
 ) -> Iterator[Recording]:
     """Throw repeatedly: first `sent`, then each time the motion corrected by the last recording.
 
-    ask: called with what comes next before anything moves; its exceptions stop the throws.
+    ask: called with what comes next before anything moves; its exceptions stop the throws. They
+    end after a throw with trouble.
     """
     grasp: GripperState | None = None
     while True:
         start, gripper = franka.check(plan.arm)
+        if grasp is None and gripper.width > gripper.max_width - MOVED:
+            raise InputError(f"{franka.host}: its gripper is open: let it grasp the object")
         grasp, way = grasp or gripper, approach(sent, start)
-        away = np.abs(start - sent.q[0])
         ask(
-            f"{plan.arm.name} at {franka.host}: to the start pose (joint {away.argmax() + 1} moves "
-            f"{away.max():.2f} rad), then the throw in {sent.times[-1]:.2f} s; the gripper "
-            f"{_closes(gripper, grasp)}"
+            f"{_approach_words(franka, sent, start)}, then the throw in {sent.times[-1]:.2f} s; "
+            f"the gripper {_closes(gripper, grasp)}\n{Expectations(sent, way).words}"
         )
         if not _equal(gripper, grasp):
             _close_again(franka.gripper, grasp)
         recording = play(franka, sent, way)
         yield recording
+        if recording.trouble:
+            return
         sent, _ = corrected(plan, recording)
+
+
+def rehearse(
+    franka: Franka, plan: JointMotion, sent: JointMotion, ask: Callable[[str], None]
+) -> Recording:
+    """Send the motion slowly, with an empty hand that stays closed.
+
+    Its time is stretched until no point of arm and hand is faster than `REHEARSAL_SPEED`.
+    InputError for a gripper that holds something, besides those of `throws`.
+    """
+    start, gripper = franka.check(plan.arm)
+    if gripper.holds:
+        raise InputError(f"{franka.host}: --rehearse: the gripper holds an object: take it out")
+    slow, way = slowed(sent), approach(sent, start)
+    ask(
+        f"{_approach_words(franka, sent, start)}, then the motion {_stretch(sent):.1f} times as "
+        f"slow, in {TICK * (len(slow) - 1):.1f} s; the gripper stays {1e3 * gripper.width:.0f} mm "
+        f"open\n{Expectations(sent, way).words}"
+    )
+    return _send(franka, way, slow, Watch(franka.gripper, gripper))
+
+
+def slowed(motion: JointMotion) -> Array:
+    """The path of a motion at `REHEARSAL_SPEED`: joints (N, joints) [rad] every millisecond."""
+    stretch, throw = _stretch(motion), motion.throw
+    path = throw.samples.path
+    q, dq, ddq = path.at(np.arange(0.0, path.end + TICK / stretch, TICK / stretch))
+    samples = Samples(q.T, dq.T / stretch, ddq.T / stretch**2)
+    return JointMotion.of(dataclasses.replace(throw, samples=samples)).q
+
+
+def _stretch(motion: JointMotion) -> float:
+    """How many times as slow a rehearsal is."""
+    return max(float(motion.throw.measured.speed.value) / REHEARSAL_SPEED, 1.0)
 
 
 def play(franka: Franka, motion: JointMotion, way: Array) -> Recording:
     """Move along `way` (N, joints) [rad] to the motion's start; throw; record.
 
-    InputError for errors of the controller, and if the arm does not come to rest at the goal.
+    If the object is lost before the opening command, the arm brakes at once, and the gripper gets
+    no command. A gripper that does not open needs no other motion: after the opening it is the
+    brake. Both are the recording's `trouble`. InputError for errors of the controller, and if the
+    arm does not come to rest at the goal.
     """
-    binding, gripper = load_franka(), franka.gripper
-    # The commands are made before the stream begins.
-    first, sent = ([binding.JointPositions(row) for row in q.tolist()] for q in (way, motion.q))
-    # The order is sent in the command's cycle; the gripper's process waits for the rest of it.
-    command = motion.throw.command_time
-    orders: list[float] = []
-    before = gripper.state().width
-    widths = [(0.0, before)]
+    watch = Watch(franka.gripper, franka.gripper.state(), motion)
+    recording = _send(franka, way, motion.q, watch)
+    return dataclasses.replace(recording, trouble=watch.lost or watch.unopened())
 
-    def cycle(elapsed: float) -> None:
-        if not orders and elapsed + TICK > command:
-            wait = max(command - elapsed, 0.0)
-            gripper.order("move", OPEN_WIDTH, GRIPPER_SPEED, after=wait)
-            orders.append(elapsed + wait)
-        elif len(widths) < 2 and orders and gripper.has_answer():
-            widths.append((elapsed, gripper.answer().width))
 
+def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
+    """Move along `way` to the start, then send q, both (N, joints) [rad] every millisecond.
+
+    InputError for an object that is lost on the way.
+    """
     gc.disable()
     try:
-        with controller_errors(franka.host):
-            mode = binding.ControllerMode.JointImpedance
+        with franka.errors():
+            mode = franka.binding.ControllerMode.JointImpedance
             control = franka.robot.start_joint_position_control(mode)
-            _stream(control, first, motion.q[0])
-            seen = _stream(control, sent, motion.q[-1], cycle)
-            sent[-1].motion_finished = True
-            control.readOnce()
-            control.writeOnce(sent[-1])
+            stream = _Stream(control, franka.binding.JointPositions)
+            # The commands are made before the stream begins.
+            first, then = stream.commands(way), stream.commands(q)
+            seen, sent = stream.send(first, way, watch.approach)
+            if not watch.lost:
+                seen, sent = stream.send(then, q, watch.cycle)
+            stream.end(sent[-1])
     finally:
         gc.enable()
-    if len(widths) < 2:
-        gripper.answer()
+    if sent is way:
+        raise InputError(f"{franka.host}: {watch.lost}")
     times = np.array([elapsed for elapsed, _ in seen])
-    rows = np.minimum(np.rint(times / TICK).astype(int), len(motion.q) - 1)
-    known = np.searchsorted([time for time, _ in widths], times, "right") - 1
+    rows = np.minimum(np.rint(times / TICK).astype(int), len(sent) - 1)
+    known = np.searchsorted([time for time, _ in watch.widths], times, "right") - 1
     return Recording(
         times,
         np.array([state.q for _, state in seen]),
         np.array([state.dq for _, state in seen]),
-        motion.q[rows],
-        np.array([width for _, width in widths])[known],
-        orders[0],
+        sent[rows],
+        np.array([width for _, width in watch.widths])[known],
+        watch.command_time,
+    )
+
+
+def _approach_words(franka: Franka, motion: JointMotion, start: Array) -> str:
+    """The way to the start pose, in words."""
+    away = np.abs(start - motion.q[0])
+    return (
+        f"{motion.arm.name} at {franka.host}: to the start pose (joint {away.argmax() + 1} moves "
+        f"{away.max():.2f} rad)"
     )
 
 
@@ -107,55 +159,76 @@ def _closes(now: GripperState, grasp: GripperState) -> str:
 
 
 def _equal(one: GripperState, other: GripperState) -> bool:
-    return one.holds == other.holds and abs(one.width - other.width) < 2e-3
+    return one.holds == other.holds and abs(one.width - other.width) < MOVED
 
 
 def _close_again(gripper: GripperLink, grasp: GripperState) -> None:
     """Close the gripper as before the first throw; InputError if it lacks the object."""
     if grasp.holds:
-        force = 70.0  # N, the largest continuous one
-        gripper.order("grasp", grasp.width, GRIPPER_SPEED, force)
+        tolerances = GRASP_TOLERANCE, GRASP_TOLERANCE
+        gripper.order("grasp", grasp.width, *tolerances, SPEED, GRIP_FORCE)
     else:
-        gripper.order("move", grasp.width, GRIPPER_SPEED)
-    if gripper.answer().holds != grasp.holds:
-        raise InputError(
-            f"{gripper.host}: its gripper holds nothing: put the object between the pads"
-        )
+        gripper.order("move", grasp.width, SPEED)
+    result = gripper.result(GRIPPER_ENDS) or "does not end"
+    if not _equal(gripper.state(), grasp):
+        what = "its gripper holds nothing" if grasp.holds else f"closing it {result}"
+        raise InputError(f"{gripper.host}: {what}: put the object between the pads")
 
 
-def _stream(
-    control: Any, commands: Sequence[Any], goal: Array, cycle: Callable[[float], None] | None = None
-) -> list[tuple[float, Any]]:
-    """Send a command per millisecond of the robot's clock, the last one until the arm stands.
+@dataclasses.dataclass(frozen=True)
+class _Stream:
+    """Joint positions sent on the robot's clock; command: the binding's for joints [rad]."""
 
-    It stands once it has been at rest for 0.1 s, within 0.03 rad of the goal (joints,) [rad], which
-    is the last command; InputError if it does not within 5 s. cycle: called in each cycle with the
-    time [s] since the first command. Returns that time and the robot's state in each cycle.
-    """
-    seen: list[tuple[float, Any]] = []
-    last, first, still = len(commands) - 1, None, 0
-    while True:
-        state, _ = control.readOnce()
-        now = state.time.to_sec()
-        first = now if first is None else first
-        elapsed = now - first
-        # The motion follows the clock: missed cycles are skipped.
-        sample = min(round(elapsed / TICK), last)
-        control.writeOnce(commands[sample])
-        seen.append((elapsed, state))
-        if cycle is not None:
-            cycle(elapsed)
-        if sample < last:
-            continue
-        still = still + 1 if max(map(abs, state.dq)) < STILL else 0
-        away = np.abs(np.array(state.q) - goal)
-        if still >= 0.1 / TICK and away.max() < 0.03:
-            return seen
-        if elapsed > TICK * last + 5.0:
-            raise InputError(
-                f"the arm does not come to stand where it was sent: joint {away.argmax() + 1} is "
-                f"{away.max():.3f} rad away: check the load set in Desk"
-            )
+    control: Any
+    command: Callable[[list[float]], Any]
+
+    def commands(self, q: Array) -> list[Any]:
+        """The commands for joints (N, joints) [rad]."""
+        return [self.command(row) for row in q.tolist()]
+
+    def send(
+        self, commands: list[Any], q: Array, cycle: Callable[[float], Stop | None]
+    ) -> tuple[list[tuple[float, Any]], Array]:
+        """Send q (N, joints) [rad], a command per millisecond, the last one until the arm stands.
+
+        It stands once it has been at rest for 0.1 s, within 0.03 rad of the last row; InputError if
+        it does not within 5 s. cycle: called in each cycle with the time [s] since the first row;
+        may return where to stop. Returns that time and the robot's state in each cycle, and what
+        was sent.
+        """
+        seen: list[tuple[float, Any]] = []
+        first, still = None, 0
+        while True:
+            state, _ = self.control.readOnce()
+            now = state.time.to_sec()
+            first = now if first is None else first
+            elapsed, last = now - first, len(commands) - 1
+            # The motion follows the clock: missed cycles are skipped.
+            sample = min(round(elapsed / TICK), last)
+            self.control.writeOnce(commands[sample])
+            seen.append((elapsed, state))
+            stop = cycle(elapsed)
+            if stop is not None:
+                q = stop.q
+                commands = commands[: stop.sample] + self.commands(q[stop.sample :])
+            elif sample == last:
+                still = still + 1 if max(map(abs, state.dq)) < STILL else 0
+                away = np.abs(np.array(state.q) - q[-1])
+                if still >= 0.1 / TICK and away.max() < 0.03:
+                    return seen, q
+                if elapsed > TICK * last + 5.0:
+                    raise InputError(
+                        f"the arm does not come to stand where it was sent: joint "
+                        f"{away.argmax() + 1} is {away.max():.3f} rad away: check the load set in "
+                        "Desk"
+                    )
+
+    def end(self, q: Array) -> None:
+        """End the motion at joints q (joints,) [rad]."""
+        last = self.command(q.tolist())
+        last.motion_finished = True
+        self.control.readOnce()
+        self.control.writeOnce(last)
 
 
 # The way to the start pose.
@@ -222,7 +295,7 @@ def _collision(motion: JointMotion, q: Array) -> str:
     )
     # The core also measures the motion between these samples.
     places = np.unique(np.append(np.arange(0, len(q), 10), len(q) - 1))
-    track = _track(motion, q[places], TICK * places)
+    track = swept_bodies(motion, q[places], TICK * places)
     for found in obstacles.clearances(track):
         return collision(found).words
     floor = None if scene.workspace is None else scene.workspace.floor
@@ -232,33 +305,3 @@ def _collision(motion: JointMotion, q: Array) -> str:
     # At the start of a throw the capsule around the bar may be below the floor.
     lowest = (clearance - min(clearance[-1], 0.0)).min()
     return "" if lowest >= -1e-6 else Finding(Code.FLOOR, floor + lowest, floor, body=BAR).words
-
-
-def _track(motion: JointMotion, q: Array, times: Array) -> SweptBodies:
-    """Links, hand and held bar in the base frame, with joints q (N, joints) at times (N,) [s]."""
-    throw, arm, capsules = motion.throw, motion.arm, motion.throw.manipulator.capsules
-    assert capsules is not None
-    angles = ca.SX.sym("q", arm.joints)
-    frames = arm.frames(angles)
-    hand = frames[-1] + 0
-    hand[:3, 3] -= arm.tool.tcp * hand[:3, 2]
-    links = ca.Function("links", [angles], [ca.vec(f) for f in (*frames[: arm.joints], hand)])
-    # (links, N, 4, 4), the base first.
-    found = [np.array(v).T.reshape(-1, 4, 4).swapaxes(1, 2) for v in links.map(len(q))(q.T)]
-    at = np.array([np.broadcast_to(np.eye(4), (len(q), 4, 4)), *found])
-    # The throw's start gives the pose of the bar in the hand.
-    place = throw.path.at([0.0]).pose
-    pose = throw.manipulator.motion(place, 0 * place, 0 * place)[0]
-    ends = bar_ends(throw.scene.object, held_bar(throw.scene, pose))[0, :, :, 0]
-    bar = throw.target.plane.points(ends[:, 0], ends[:, 2])
-    grasp = np.array(links(motion.q[0])[-1]).reshape(4, 4, order="F")
-    local = (bar - grasp[:3, 3]) @ grasp[:3, :3]
-    bodies = [(c.link, np.array([c.begin, c.end])) for c in arm.capsules] + [(-1, local)]
-    placed = [
-        np.einsum("nij,kj->kin", at[link][:, :3, :3], two) + at[link][:, :3, 3].T
-        for link, two in bodies
-    ]
-    width = throw.scene.object.width / np.sqrt(2)
-    cover = np.append(np.full(len(arm.capsules), arm.cover), 0.0)
-    radius = np.append(capsules.radius, width)
-    return SweptBodies((*capsules.names, BAR), np.array(placed), radius, cover, times)

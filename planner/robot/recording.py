@@ -44,6 +44,7 @@ class Recording(ReadOnly):
     sent: Array
     width: Array
     command_time: float
+    trouble: str = ""
 
     def opening_time(self, scene: Scene) -> float:
         """Time [s] at which the grip force starts to fall."""
@@ -135,7 +136,8 @@ class Recording(ReadOnly):
         are judged on what was sent: recorded joints are too noisy to differentiate.
         """
         bare = throw.in_scene(throw.scene.without_clearances())
-        judged = verdict(bare, sent=plan).without(Code.TORQUE, Code.TOOL_SPEED, Code.LANDING)
+        noisy = Code.TORQUE, Code.TORQUE_RATE, Code.TOOL_SPEED
+        judged = verdict(bare, sent=plan).without(*noisy, Code.LANDING)
         if error is None or judged.cup:
             return judged.broken
         off = outside_tolerance(plan.scene.tolerance, error["position"], error["angle"])

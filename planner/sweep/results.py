@@ -16,8 +16,8 @@ from ...problems.files import filling, plain, write_json
 from ..result import Plan
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
 from ..throw import ThrowBatch
-from ..verdict import Code, RestCount, Sampler, Verdicts, unit_of
-from .statistics import OUTER, DelayScan, delay_band, quantiles, swings
+from ..verdict import Code, DelayScan, RestCount, Sampler, Verdicts, unit_of
+from .statistics import OUTER, delay_band, quantiles, swings
 from .summary import sweep_summary
 
 if TYPE_CHECKING:

@@ -17,10 +17,10 @@ from ...problems import InputError, check_arguments, checked
 from ..result import Plan
 from ..simulation import named_model
 from ..throw import ThrowBatch
-from ..verdict import Entries, Judge, Sampler, Verdicts, sampler_of
+from ..verdict import FURTHEST, Entries, Judge, Sampler, Verdicts, sampler_of, scan_delays
 from ..workers import Progress, run_jobs
 from .results import Sweep
-from .statistics import FURTHEST, derivatives, scan_delays, variance_shares
+from .statistics import derivatives, variance_shares
 
 #: Largest number of samples; their parameters and landings stay in memory.
 MOST = 10_000_000

@@ -1,43 +1,39 @@
-"""Statistics of landings: quantiles, sensitivities to each parameter, tolerated delays."""
+"""Statistics of landings: quantiles, sensitivities to each parameter."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from ...models import Array, Flags
+from ...models import Array
 from ...models.release import MODELS
 from ...problems import Distribution, Uncertainty
 from ..throw import ThrowBatch
-from ..verdict import Judge, Sampler
+from ..verdict import Sampler, with_delays
 
 #: Reported quantiles of the errors [%].
 QUANTILES = (50, 90, 95, 99)
 #: Range of landings [m, rad] below which differences are rounding and errors of the models.
 ROUNDING = 1e-5
-#: Largest delay [s] of a scan over delays.
-FURTHEST = 0.05
 #: Quantiles of a parameter at the two ends of its bar in the tornado.
 OUTER = (0.05, 0.95)
 
 
 @dataclass(frozen=True)
 class StatisticsSettings:
-    """Settings of variance shares, derivatives and scans over delays.
+    """Settings of variance shares, derivatives and delay.png.
 
     degree: highest, of the polynomials of the variance shares. samples_per_term: fewest samples for
     a coefficient of these. step: of central differences, in standard deviations. max_step: of a
-    positive parameter, as a share of its value. sections: of three nested scans for the first delay
-    that fails; the first covers all delays up to `FURTHEST`. band: number of delays in delay.png,
-    and draws of the other parameters at each. slow_band: for models of milliseconds a throw.
+    positive parameter, as a share of its value. band: number of delays in delay.png, and draws of
+    the other parameters at each. slow_band: for models of milliseconds a throw.
     """
 
     degree: int = 8
     samples_per_term: int = 10
     step: float = 0.05
     max_step: float = 0.01
-    sections: tuple[int, ...] = (100, 64, 64)
     band: tuple[int, int] = (41, 128)
     slow_band: tuple[int, int] = (21, 16)
 
@@ -104,54 +100,6 @@ def _step(name: str, value: float, spread: Distribution) -> float:
     return min(step, SETTINGS.max_step * value) if Uncertainty.PARAMETERS[name].scaled else step
 
 
-@dataclass(frozen=True)
-class DelayScan:
-    """The largest delays [s] before and after the mean without a failure.
-
-    0 if the nominal throw fails, None without a failure up to `FURTHEST`.
-    """
-
-    early: float | None
-    late: float | None
-
-
-def scan_delays(judge: Judge) -> DelayScan:
-    """Finds the first failure on either side; all other parameters have their planned values."""
-    if not _succeeds(judge, np.zeros(1))[0]:
-        return DelayScan(0.0, 0.0)
-    return DelayScan(_largest_delay(judge, -1.0), _largest_delay(judge, 1.0))
-
-
-def _largest_delay(judge: Judge, sign: float) -> float | None:
-    low, high = 0.0, FURTHEST
-    for sections in SETTINGS.sections:
-        ends = np.linspace(low, high, sections + 1)
-        inside = _succeeds(judge, sign * ends[1:])
-        if inside.all() and high == FURTHEST:
-            return None
-        first = int(np.argmin(np.append(inside[:-1], False)))
-        low, high = float(ends[first]), float(ends[first + 1])
-    return sign * low
-
-
-def _succeeds(judge: Judge, delays: Array) -> Flags:
-    """Flags of the delays (K,) beyond the mean that succeed; other parameters as planned."""
-    batch, values = _with_delays(judge.batch, delays, judge.batch.nominal(len(delays)))
-    late = judge if batch is judge.batch else Judge(batch)
-    return late.verdicts(values).succeeds
-
-
-def _with_delays(batch: ThrowBatch, delays: Array, values: Array) -> tuple[ThrowBatch, Array]:
-    """A batch and values (K, P) with these delays (K,) [s] beyond the mean."""
-    late = batch.mean_delay + delays
-    if "delay" not in batch.names:
-        names = (*batch.names, "delay")
-        return replace(batch, names=names), np.column_stack([values, late])
-    values = values.copy()
-    values[:, batch.names.index("delay")] = late
-    return batch, values
-
-
 def swings(batch: ThrowBatch, sampler: Sampler) -> Array:
     """Landings (P, 2, 3) with each parameter at its 5 and 95 % quantile, the others as planned."""
     values = np.repeat(batch.nominal(), 2 * len(batch.names), axis=0)
@@ -167,5 +115,5 @@ def delay_band(
     count, draws = SETTINGS.band if MODELS[batch.model].quick else SETTINGS.slow_band
     delays = np.linspace(*limits, count)
     values = np.tile(sampler.draw(0, draws), (count, 1))
-    late, samples = _with_delays(batch, np.repeat(delays, draws), values)
+    late, samples = with_delays(batch, np.repeat(delays, draws), values)
     return delays, late.fly(samples).pose.reshape(count, draws, 3)

@@ -13,13 +13,24 @@ import numpy as np
 
 from ...core import LimitsC, library
 from ...models import Array, MovedHand, ReadOnly, Trajectory
-from ...models.robot import Arm, ArmCapsules, PlanarArm, PlanarHand, about_z, hand_motion
+from ...models.robot import (
+    Arm,
+    ArmCapsules,
+    PlanarArm,
+    PlanarDynamics,
+    PlanarHand,
+    about_z,
+    hand_motion,
+)
 from ...problems import Hand, InputError, Scene, check_arguments
 
 #: Least cosine between the pads' closing and the normal of the throwing plane: 0.08 deg.
 SQUARE = 1 - 1e-6
 #: Rounding of a state [SI units] and of a frame's entries [m, 1].
 ROUNDING = 1e-9
+#: Share of [torque] rate that the jerks' limits leave to all else, and number of poses [-] at which
+#: the arm's inertia is looked at.
+RATE_RESERVE, RATE_POSES = 0.1, 500
 
 
 @dataclass(frozen=True)
@@ -228,7 +239,7 @@ def _arm_manipulator(scene: Scene) -> Manipulator:
         _check_plane(kinematics)
     except ValueError as error:
         raise InputError(f"{scene.place}: [robot] {error}") from None
-    hard = joint_limits(arm, kinematics.throwing_joints)
+    hard = _with_torque_rate(scene, kinematics, joint_limits(arm, kinematics.throwing_joints))
     share, slower = 1 - robot.velocity_margin, None
     if hard.slowing is not None:
         # Velocity limits reduced to `share` at all positions.
@@ -250,6 +261,28 @@ def _arm_manipulator(scene: Scene) -> Manipulator:
         start=None if robot.start is None else np.array(robot.start),
         jerk_control=robot.control == "jerk",
     )
+
+
+def _with_torque_rate(scene: Scene, kinematics: PlanarArm, limits: Limits) -> Limits:
+    """The limits with jerks from which on the arm's inertia keeps [torque] rate.
+
+    The torque of a joint changes with the jerks by its row of the mass matrix, at worst by the sum
+    of their sizes; gravity, velocities and the object's release get `RATE_RESERVE`.
+    """
+    rate = None if scene.torque is None else scene.torque.rate
+    if rate is None or limits.jerk is None:
+        return limits
+    dynamics, n = PlanarDynamics(kinematics), len(limits.jerk)
+    random = np.random.default_rng(0)
+    q = random.uniform(limits.q_min, limits.q_max, (RATE_POSES, n)).T
+    still, most = np.zeros_like(q), np.zeros_like(q)
+    for j, jerk in enumerate(limits.jerk):
+        turning = still.copy()
+        turning[j] = jerk
+        angles, rates, turns = map(kinematics.link_angles, (q, still, turning))
+        most += np.abs(np.array(dynamics.torques(angles, rates, turns, 0.0)))
+    share = min((1 - RATE_RESERVE) * rate / most.max(), 1.0)
+    return replace(limits, jerk=share * limits.jerk)
 
 
 def joint_limits(arm: Arm, joints: Sequence[int]) -> Limits:

@@ -5,8 +5,17 @@ This package alone decides on landing, grip, cup and clearances.
 
 from .batch import Judge, Verdicts
 from .calibrated import CalibratedLanding, calibrated_landing, region_words
+from .delays import FURTHEST, DelayScan, DelayTolerance, scan_delays, with_delays
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .landing import lands_well
 from .resting import Entries, RestCount, count_rests
 from .single import FLYING, collision, held_verdict, outside_tolerance, verdict
-from .uncertainty import Sampler, landing_spread, quantile, sampler_of, unit_of, warnings, words_of
+from .uncertainty import (
+    Sampler,
+    landing_spread,
+    quantile,
+    sampler_of,
+    unit_of,
+    warnings,
+    words_of,
+)

@@ -150,7 +150,7 @@ class Judge:
     def _motion(self) -> frozenset[Code]:
         """Codes that the motion breaks with any object."""
         findings = verdict(self.batch.throw).broken
-        always = {*JOINT_LIMITS.values(), Code.KINEMATICS, Code.TOOL_SPEED}
+        always = {*JOINT_LIMITS.values(), Code.KINEMATICS, Code.TOOL_SPEED, Code.TORQUE_RATE}
         arm = {f.code for f in findings if f.body not in (BAR, FLYING)}
         return frozenset(arm & (always | {Code.FLOOR, Code.COLLISION}))
 

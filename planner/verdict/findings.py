@@ -50,6 +50,11 @@ class Code(Enum):
         "need more torque than a joint has",
         "a lighter object, or larger limits in [torque] if the robot allows them",
     )
+    TORQUE_RATE = (
+        "torque_rate",
+        "change a joint's torque too fast",
+        "a larger [torque] rate, or a lighter object",
+    )
     KINEMATICS = (
         "kinematics",
         "have frames that differ from the planar model",
@@ -261,6 +266,9 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
         f"tool speed: {f.value:.3f} m/s{_at(f)}, must be at most {f.limit:g} m/s"
     ),
     Code.TORQUE: lambda f: f"torque of {f.body}: {100 * f.value:.0f} % of its limit{_at(f)}",
+    Code.TORQUE_RATE: lambda f: (
+        f"torque rate: {f.value:,.0f} N m/s, must be at most {f.limit:,.0f} N m/s"
+    ),
     Code.KINEMATICS: lambda f: (
         f"the arm's frames put the hand {1e3 * f.value:.3g} mm from its pose in the planar model, "
         f"must be at most {1e3 * f.limit:g} mm"

@@ -158,6 +158,9 @@ def _tool_speed(throw: Throw) -> Iterator[Finding]:
 
 
 def _torque(throw: Throw) -> Iterator[Finding]:
+    rate = None if throw.scene.torque is None else throw.scene.torque.rate
+    if rate is not None and throw.torques.rate > rate:
+        yield Finding(Code.TORQUE_RATE, throw.torques.rate, rate)
     if throw.measured.torque.value <= 1.0:
         return
     torques = throw.torques

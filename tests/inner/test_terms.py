@@ -16,8 +16,9 @@ from throwplan.planner.clearance import (
 from throwplan.planner.throw import (
     Throw,
     cup_entries,
+    make_manipulator,
 )
-from throwplan.planner.verdict import verdict
+from throwplan.planner.verdict import Code, verdict
 from throwplan.problems import Landing, Torque
 
 G = 9.81
@@ -163,3 +164,21 @@ def test_limits_that_bind_change_the_throw(cup_plan) -> None:
     assert tight.solved
     assert checked(cup_plan, torque=section).torques.use.max() > 1.0
     assert checked(tight).torques.use.max() <= 1.0
+
+
+def test_a_scenes_torque_rate_is_kept_and_judged(plan_of) -> None:
+    """Without it plans go far above; with it the plan keeps it and the same verdict says so."""
+    free = plan_of("fr3")
+    scene = free.scene.replace(torque=Torque(rate=2000.0))
+    assert free.throw.deciding.torques.rate > 20000.0
+    judged = verdict(free.throw.deciding.in_scene(scene))
+    assert Code.TORQUE_RATE in judged.codes and "must be at most 2,000 N m/s" in judged.words
+    plan = tp.Planner(scene).plan(patience=20.0)
+    assert plan.solved and 500.0 < plan.throw.deciding.torques.rate <= 2000.0
+    # It costs little: the arm swings a bit longer.
+    assert plan.throw.effort < 1.15 * free.throw.effort
+    # A scene that does not ask, or asks for more than there can be, has the arm's own limits.
+    own = make_manipulator(free.scene).hard.jerk
+    loose = free.scene.replace(torque=Torque(rate=1e6))
+    assert (make_manipulator(loose).hard.jerk == own).all()
+    assert (make_manipulator(scene).hard.jerk < 0.1 * own).all()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
+import throwplan as tp
 from scipy import stats
 from throwplan import load_scene
 from throwplan.planner.verdict import sampler_of
@@ -79,3 +81,39 @@ def test_seeds_differ_and_repeat() -> None:
     # Low discrepancy: each 256th of the range is met once.
     cells = np.floor((draws[0][:, 0] + 0.01) / 0.02 * 256)
     assert sorted(cells) == list(range(256))
+
+
+@pytest.mark.parametrize("name", ["fr3", "hand-flip", "near-cup"])
+def test_the_delay_that_a_throw_bears_is_that_of_a_sweep(plan_of, name) -> None:
+    """Of the same motion: none of 500 delays within it fails, half of those a bit beyond it do,
+    and the landing moves as these say."""
+    plan = plan_of(name)
+    borne = plan.delay
+    assert plan.to_dict()["delay"] == {"x": borne.x, "theta": borne.theta, **vars(borne.scan)}
+    early, late = (0.05 if end is None else abs(end) for end in vars(borne.scan).values())
+
+    def swept(low: float, high: float) -> tp.Sweep:
+        # Samples about a mean of 0: the command stays in its place.
+        delays = np.linspace(low, high, 500)
+        spread = Distribution(samples=tuple(delays.tolist()))
+        scene = plan.scene.changed(uncertainty=Uncertainty(delay=spread))
+        return tp.sweep(dataclasses.replace(plan, scene=scene), samples=500)
+
+    most = min(early, late)
+    assert swept(-0.999 * most, 0.999 * most).success.all()
+    beyond = swept(-1.5 * most, 1.5 * most)
+    assert 0.55 < beyond.success.mean() < 0.92
+    small = swept(-0.001, 0.001)
+    (i,) = np.flatnonzero(np.array(small.batch.names) == "delay")
+    pose, delays = small.landings.pose, small.values[:, i]
+    first, last = np.argmin(delays), np.argmax(delays)
+    # A batch's releases are stepped: less than 0.04 mm and 0.02 degrees.
+    for k, (slope, error) in enumerate(((borne.x, 0.02), (borne.theta, 0.2))):
+        moved = (pose[last, k] - pose[first, k]) / 0.002
+        assert moved == pytest.approx(slope, rel=0.03, abs=error)
+
+
+def test_a_known_delay_is_not_called_unknown(plan_of) -> None:
+    """Nor an unknown one twice."""
+    assert plan_of("delay").delay is None and "not measured" not in plan_of("delay").summary()
+    assert plan_of("fr3").summary().count("not measured") == 1

@@ -3,18 +3,24 @@ judged by franka-sim's rules of the controller. `make verify` installs both."""
 
 from __future__ import annotations
 
+import importlib
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.reach import reach_map
 from throwplan.planner.robot import approach, joint_motion
+from throwplan.problems.arms import load_gripper
 
 HOST = "127.0.19.1"
+#: Addresses of relays in front of it.
+SLOW, DEAF = "127.0.19.2", "127.0.19.3"
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +42,24 @@ def robot() -> Iterator[str]:
     finally:
         server.kill()
         server.communicate()
+
+
+@contextmanager
+def relayed(host: str, robot: str, *words: object) -> Iterator[None]:
+    """A relay at `host` in front of the robot, see tests/relay.py."""
+    file = Path(__file__).parent.parent / "relay.py"
+    order = [sys.executable, str(file), host, robot, *map(str, words)]
+    with subprocess.Popen(order, stdout=subprocess.PIPE, text=True) as relay:
+        assert relay.stdout is not None and "ready" in relay.stdout.readline()
+        try:
+            yield
+        finally:
+            relay.kill()
+
+
+def half_open(robot: str) -> None:
+    """Closes the gripper of the simulated robot as if it held something."""
+    importlib.import_module("pylibfranka").Gripper(robot).move(0.04, 0.1)
 
 
 def over_map(scene: str, seed: int) -> Iterator[tp.Plan]:
@@ -76,9 +100,53 @@ def test_a_robot_throws_and_what_it_did_is_recorded(robot, saved, tmp_path, run,
     again = run("correct --json", plan, out / "run.csv").json
     assert again["recorded"]["error"] == pytest.approx(thrown["error"], abs=1e-6)
     after = ("--after", out / "run.csv", "--out", out)
+    half_open(robot)
     better = run("run --yes --json", plan, "--robot", robot, *after).json["runs"][0]
     assert better["error"]["position"] < thrown["error"]["position"] / 10
     assert better["error"]["angle"] < thrown["error"]["angle"] / 10
+
+
+@pytest.mark.slow
+def test_a_set_delay_is_found_behind_a_relay(robot, tmp_path, run) -> None:
+    """80 ms in the mean, up to 15 ms earlier and later; the simulated hand adds less than 2 ms."""
+    delays = (0.065, 0.095, 0.069, 0.091, 0.073, 0.087, 0.077, 0.083)
+    file = tmp_path / "hand.toml"
+    with relayed(SLOW, robot, *delays):
+        said = run("measure-gripper --yes --json --times 8 --robot", SLOW, "--out", file)
+    assert said.status == 0, said.err
+    assert said.json["delay"]["mean"] == pytest.approx(0.080, abs=0.005)
+    # A busy machine may hold one of them back.
+    off = np.array(said.json["delay"]["samples"]) - np.array(delays)
+    assert np.median(np.abs(off)) < 0.005
+    assert load_gripper(str(file)).dwell == pytest.approx(said.json["delay"]["mean"], abs=1e-5)
+
+
+@pytest.mark.slow
+def test_a_rehearsal_opens_nothing(robot, saved, run) -> None:
+    said = run("run --yes --json --rehearse", saved("fr3"), "--robot", robot)
+    assert said.status == 0 and "times as slow" in said.err
+    before, after = said.json["width"]
+    assert after == pytest.approx(before, abs=1e-3)
+    # Slowly the joints follow.
+    assert said.json["lag"] < 0.03 and said.json["duration"] > 1.5
+
+
+@pytest.mark.slow
+def test_a_gripper_that_does_not_open_ends_in_a_stop(robot, saved, tmp_path, run, table) -> None:
+    plan, out = saved("fr3"), tmp_path / "out"
+    half_open(robot)
+    with relayed(DEAF, robot, "deaf"):
+        said = run("run --yes --repeat 3", plan, "--robot", DEAF, "--out", out)
+    assert said.status == 2
+    assert "the gripper did not open" in said.err.splitlines()[-1]
+    rows = table(out / "run1.csv")
+    assert [path.name for path in out.iterdir()] == ["run1.csv"]
+    assert abs(np.diff(rows["width"])).max() < 1e-3
+    # What was sent ends at rest, and the controller's rules take it.
+    sent = np.array([rows[f"sent{j}"] for j in range(1, 8)]).T
+    assert max(abs(rows[f"dq{j}"][-1]) for j in range(1, 8)) < 0.02
+    assert sent[-1] == pytest.approx(joint_motion(plan).q[-1], abs=1e-9)
+    assert refusals(joint_motion(plan).q) == []
 
 
 def refusals(q: np.ndarray) -> list[str]:

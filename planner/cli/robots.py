@@ -1,0 +1,207 @@
+"""Commands for robots: `run`, `correct`, `measure-gripper`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from functools import partial
+from itertools import islice
+from pathlib import Path
+
+from ...problems import InputError
+from ...problems.files import copy_out, filling, prepare_folder
+from .. import robot
+from ..throw import TICK
+from ..verdict import outside_tolerance
+from .common import (
+    DONE,
+    Add,
+    Progress,
+    add_out,
+    integer,
+    print_result,
+    report_step,
+    written,
+)
+from .saved_plans import add_plan
+
+#: Question before a throw.
+QUESTION = "The robot moves. Is its way clear, and the object between the pads? [y/N] "
+
+
+def run_arguments(add: Add) -> None:
+    """The options of `run`."""
+    add_plan(add)
+    add("--robot", metavar="HOST", help="address of a Franka Research 3")
+    add("--yes", action="store_true", help="move without confirmation")
+    add("--dry", action="store_true", help="print the motion instead of sending it")
+    words = "send the motion slowly, with an empty hand that stays closed"
+    add("--rehearse", action="store_true", help=words)
+    words = "number of throws; each recording corrects the next throw (default: 1)"
+    add("--repeat", type=integer(1, 100), metavar="N", default=1, help=words)
+    words = "send the motion corrected by this recording of the plan"
+    add("--after", metavar="RUN.CSV", help=words)
+    words = "write run.csv there, or run1.csv, run2.csv, ... (default: out/run)"
+    add("--out", metavar="DIR", default="out/run", help=words)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Execute a plan on a Franka robot and record it.
+
+    example: throwplan run out/fr3/plan.json --robot 172.16.0.2
+    """
+    plan = robot.joint_motion(options.plan)
+    robot.check_arm(options.plan, plan.arm)
+    sent = plan
+    if options.after is not None:
+        sent, _ = robot.corrected(plan, robot.read_recording(options.after, plan))
+    if options.rehearse and (options.dry or options.repeat > 1):
+        raise InputError("--rehearse: not with --dry or --repeat")
+    if options.dry:
+        return _print_motion(options, sent)
+    if options.robot is None:
+        raise InputError("--robot: is missing: give the robot's address, or --dry to move nothing")
+    _check_terminal(options)
+    if options.rehearse:
+        return _rehearse(options, plan, sent)
+    folder, runs, lines = prepare_folder(Path(options.out), ("run.csv",)), [], []
+    report_step(f"connecting to {options.robot}")
+    with robot.connected(options.robot) as franka:
+        recordings = robot.throws(franka, plan, sent, partial(_confirm, options.yes, QUESTION))
+        for k, recording in enumerate(islice(recordings, options.repeat), start=1):
+            name = "run.csv" if options.repeat == 1 else f"run{k}.csv"
+            with filling(folder, (name,)) as scratch:
+                recording.save(scratch / name)
+            if recording.trouble:
+                where = f"recorded in {folder / name}"
+                raise InputError(f"{options.robot}: {recording.trouble} ({where})")
+            runs.append({"file": str(folder / name)} | recording.to_dict(plan.throw))
+            lines.append(f"{folder / name}: {recording.summary(plan.throw)}")
+            report_step(lines[-1])
+    print_result(options, {"scene": plan.throw.scene.name, "runs": runs}, "\n".join(lines))
+    return DONE
+
+
+def _rehearse(options: argparse.Namespace, plan: robot.JointMotion, sent: robot.JointMotion) -> int:
+    """Send the motion slowly, without an opening."""
+    report_step(f"connecting to {options.robot}")
+    question = "The robot moves slowly. Is its way clear, and the hand empty? [y/N] "
+    with robot.connected(options.robot) as franka:
+        found = robot.rehearse(franka, plan, sent, partial(_confirm, options.yes, question))
+    name, duration = plan.throw.scene.name, float(found.times[-1])
+    lag, widths = float(abs(found.q - found.sent).max()), found.width[[0, -1]].tolist()
+    text = (
+        f"{name}: rehearsed in {duration:.1f} s; joints lag by {lag:.3f} rad; the gripper stayed "
+        f"{1e3 * widths[1]:.0f} mm open"
+    )
+    result = {"scene": name, "duration": duration, "lag": lag, "width": widths}
+    print_result(options, result, text)
+    return DONE
+
+
+def _print_motion(options: argparse.Namespace, sent: robot.JointMotion) -> int:
+    """Print the motion; with a robot, check that it is ready."""
+    facts = robot.motion_facts(sent)
+    lines = [
+        f"{sent.throw.scene.name}: {facts['samples']} samples in {facts['duration']:.3f} s to "
+        f"{sent.arm.name}, from q = [{', '.join(f'{angle:.4f}' for angle in facts['start'])}] rad",
+        f"  the gripper's opening command {1e3 * facts['gripper']['command_time']:.1f} ms after "
+        "the first",
+    ]
+    way = None
+    if options.robot is not None:
+        with robot.connected(options.robot) as franka:
+            start, _ = franka.check(sent.arm)
+        way = robot.approach(sent, start)
+        seconds = (len(way) - 1) * TICK
+        facts["approach"] = {"from": start.tolist(), "duration": seconds}
+        lines.append(f"  {options.robot} is ready, {seconds:.1f} s from the start pose")
+    expected = robot.Expectations(sent, way)
+    facts["expects"] = expected.to_dict()
+    lines.append(expected.words)
+    print_result(options, facts, "\n".join(lines))
+    return DONE
+
+
+def _check_terminal(options: argparse.Namespace) -> None:
+    """InputError if nobody can confirm the motion."""
+    if not options.yes and not sys.stdin.isatty():
+        raise InputError("--yes: is missing: there is no terminal to confirm the motion")
+
+
+def _confirm(yes: bool, question: str, words: str) -> None:
+    """Ask for confirmation before the robot moves; with `yes` only print the words."""
+    print(words, file=sys.stderr)
+    if yes:
+        return
+    print(question, end="", file=sys.stderr, flush=True)
+    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+        raise InputError("not confirmed: nothing was moved")
+
+
+def correct_arguments(add: Add) -> None:
+    """The options of `correct`."""
+    add_plan(add)
+    add("recording", metavar="RUN.CSV", help="a recording of the plan by `throwplan run`")
+    add_out(add, "the corrected motion in the files of `export --franka`")
+
+
+def correct(options: argparse.Namespace) -> int:
+    """Correct a plan's motion by a recording of it.
+
+    example: throwplan correct out/fr3/plan.json out/run/run.csv --out out/next
+    """
+    plan = robot.joint_motion(options.plan)
+    recording = robot.read_recording(options.recording, plan)
+    sent, expected = robot.corrected(plan, recording)
+    if options.out is not None:
+        with filling(Path(options.out), robot.FRANKA_FILES) as scratch:
+            robot.write_franka(sent, scratch)
+    dx, dtheta = map(abs, expected.miss())
+    outside = outside_tolerance(expected.scene.tolerance, dx, dtheta)
+    result = {
+        "recorded": recording.to_dict(plan.throw),
+        "expected": {"position": dx, "angle": dtheta},
+        "motion": robot.motion_facts(sent),
+    }
+    text = (
+        f"{plan.throw.scene.name}: {recording.summary(plan.throw)}\n"
+        f"  the corrected motion: expected landing error {1e3 * dx:.1f} mm and "
+        f"{math.degrees(dtheta):.2f} deg, {'outside' if outside else 'within'} the tolerance"
+    )
+    print_result(options, result, text + written(options))
+    return DONE
+
+
+def measure_gripper_arguments(add: Add) -> None:
+    """The options of `measure-gripper`."""
+    add("--robot", metavar="HOST", required=True, help="address of a Franka robot")
+    words = "number of openings (default: 20)"
+    add("--times", type=integer(2, 1000), metavar="N", default=20, help=words)
+    add("--yes", action="store_true", help="move without confirmation")
+    add("--out", metavar="FILE", help="write the gripper file, for a scene's [gripper] file")
+    add("--force", action="store_true", help="overwrite an existing file")
+
+
+def measure_gripper(options: argparse.Namespace) -> int:
+    """Measure the delay of an empty Franka Hand.
+
+    example: throwplan measure-gripper --robot 172.16.0.2 --times 20 --out my-hand.toml
+    """
+    path = None if options.out is None else Path(options.out)
+    if path is not None and path.exists() and not options.force:
+        raise InputError(f"{path}: exists already, not overwritten; --force does it")
+    _check_terminal(options)
+    question = "The gripper moves. Is it empty, and are all fingers away? [y/N] "
+    ask = partial(_confirm, options.yes, question)
+    with Progress(f"{options.robot}: measuring", "openings") as progress:
+        found = robot.measure_gripper(options.robot, options.times, ask, progress)
+    text = f"{options.robot}: {options.times} openings of the empty gripper. {found.words}"
+    if path is not None:
+        copy_out(found.text(), path, force=options.force)
+        text += f"\n  written to {path}; a scene takes it by [gripper] file"
+    else:
+        text += f"\n\n{found.text()}"
+    print_result(options, found.to_dict() | {"file": options.out}, text)
+    return DONE

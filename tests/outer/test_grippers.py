@@ -1,0 +1,227 @@
+"""The gripper of a robot: its delay measured, its width watched, rehearsals without it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from hands import FakeHand
+from simulated_robot import TICK, simulated
+from throwplan.planner.robot import JointMotion, approach, joint_motion, rehearse, throws
+from throwplan.problems import InputError
+
+#: Delays [s] of openings: 80 ms in the mean, up to 15 ms earlier and later.
+DELAYS = (0.065, 0.095, 0.072, 0.088)
+HOST = "127.0.19.30"
+
+
+@pytest.fixture(scope="module")
+def motion(saved) -> JointMotion:
+    """The motion of a plan of an FR3."""
+    return joint_motion(saved("fr3"))
+
+
+# Measured.
+
+
+@pytest.mark.parametrize(("interval", "speed"), [(0.002, 0.4), (0.05, 0.15)])
+def test_a_set_delay_is_measured_and_a_scene_takes_it(tmp_path, run, interval, speed) -> None:
+    """Also by a hand that reports its width seldom."""
+    file = tmp_path / "hand.toml"
+    hand = FakeHand(HOST, DELAYS, speed=speed, interval=interval, ramp=0.03)
+    try:
+        said = run("measure-gripper --yes --json --times 4 --robot", HOST, "--out", file)
+    finally:
+        hand.close()
+    assert said.status == 0, said.err
+    delay = said.json["delay"]
+    assert delay["mean"] == pytest.approx(0.080, abs=0.005)
+    assert np.array(delay["samples"]) == pytest.approx(np.array(DELAYS), abs=0.005)
+    assert said.json["speed"] == pytest.approx(speed, rel=0.1)
+    (tmp_path / "fr3.toml").write_text(scene_of("fr3", file), encoding="utf-8")
+    scene = tp.load_scene(tmp_path / "fr3.toml")
+    assert scene.gripper.dwell == pytest.approx(delay["mean"], abs=1e-5)
+    assert scene.uncertainty.delay.samples == pytest.approx(np.array(DELAYS) - 0.08, abs=0.006)
+    assert abs(scene.mean_delay) < 1e-4
+    # The body is that of the arm's own hand.
+    shipped = tp.load_scene("fr3").arm
+    assert scene.arm.tool == shipped.tool and scene.arm.links == shipped.links
+
+
+def scene_of(name: str, gripper: Path) -> str:
+    """A built-in scene whose gripper is that of a file."""
+    text = tp.problems.scene_text(name)
+    (grip,) = [part for part in text.split("\n\n") if part.startswith("[gripper]")]
+    return text.replace(grip, f'[gripper]\nfile = "{gripper}"\nforce = 120.0')
+
+
+def test_a_scenes_own_delay_stays(tmp_path) -> None:
+    """Of a scene with [uncertainty] delay, or a dwell, in place of that of the gripper's file."""
+    shipped = Path(tp.__file__).parent / "problems" / "grippers" / "robotiq-2f-85.toml"
+    text = shipped.read_text("utf-8") + "\n[delay]\nsamples = [-0.01, 0.01]\n"
+    (tmp_path / "hand.toml").write_text(text, encoding="utf-8")
+    plain, scene = scene_of("fr3", Path("hand.toml")), tmp_path / "scene.toml"
+    own = "\n[uncertainty]\ndelay = { normal = 0.003 }\n"
+    for words, deviation in (
+        (plain, 0.01),
+        (plain + own, 0.003),
+        (plain + "\n[uncertainty]\nfriction = { normal = 0.1 }\n", 0.01),
+    ):
+        scene.write_text(words, encoding="utf-8")
+        assert tp.load_scene(scene).deviations["delay"] == pytest.approx(deviation)
+    scene.write_text(plain.replace("force =", "dwell = 0.04\nforce ="), encoding="utf-8")
+    assert tp.load_scene(scene).uncertainty is None
+
+
+@pytest.mark.parametrize(
+    ("hand", "words"),
+    [
+        ({"holds": True}, "holds something: take it out"),
+        ({"most": 0.0}, "is not homed"),
+        pytest.param({"stuck": True}, "stays at 8 mm", marks=pytest.mark.slow),
+    ],
+)
+def test_a_gripper_that_cannot_be_measured_is_refused(tmp_path, run, hand, words) -> None:
+    served = FakeHand(HOST, DELAYS, **hand)
+    try:
+        said = run("measure-gripper --yes --robot", HOST, "--out", tmp_path / "hand.toml")
+    finally:
+        served.close()
+    assert said.status == 2 and said.err.splitlines()[-1].startswith(f"throwplan: {HOST}: ")
+    assert words in said.err and not list(tmp_path.iterdir())
+
+
+def test_measuring_needs_a_robot_a_new_file_and_somebody_to_ask(tmp_path, refused) -> None:
+    assert "--yes" in refused("measure-gripper --robot", HOST)
+    assert "does not answer on port 1338" in refused("measure-gripper --yes --robot", HOST)
+    (tmp_path / "hand.toml").write_text("mine")
+    words = ("--out", tmp_path / "hand.toml")
+    assert "not overwritten" in refused("measure-gripper --yes --robot", HOST, *words)
+
+
+# Watched.
+
+
+def within_limits(sent: np.ndarray, motion: JointMotion) -> bool:
+    """Whether joints (N, 7) sent each millisecond keep the arm's limits, from rest to rest."""
+    limits, values = motion.arm.limits, sent
+    for most in (limits.velocity, limits.acceleration, limits.jerk):
+        values = np.diff(values, axis=0) / TICK
+        if (np.abs(values) > np.array(most) * (1 + 1e-6)).any():
+            return False
+    ends = np.diff(sent[:2], axis=0), np.diff(sent[-2:], axis=0)
+    return bool(np.abs(ends).max() < 1e-6)
+
+
+def one_throw(franka, motion):
+    """The recordings of at most two throws, and what was asked."""
+    asked: list[str] = []
+    found = []
+    for recording in throws(franka, motion, motion, asked.append):
+        found.append(recording)
+        if len(found) == 2:
+            break
+    return found, asked
+
+
+def test_a_gripper_that_does_not_open_ends_the_throws_at_rest(motion) -> None:
+    franka = simulated(opens=False)
+    (recording,), _ = one_throw(franka, motion)
+    assert "did not open: 20 mm wide" in recording.trouble and "\n" not in recording.trouble
+    assert [command for command, _ in franka.gripper.orders] == ["move"]
+    sent = np.array(franka.robot.sent)
+    assert within_limits(sent, motion) and franka.robot.finished
+    assert sent[-1] == pytest.approx(motion.q[-1])
+
+
+def test_an_object_lost_on_the_way_stops_the_arm_by_a_brake(motion) -> None:
+    """At several instants: it stops sooner and elsewhere than planned, within the limits."""
+    way = len(approach(motion, simulated().robot.q)) + 100
+    for after in (20, 60, 120):
+        franka = simulated(lambda tick, end=way + after: 0.02 if tick < end else 0.0)
+        (recording,), _ = one_throw(franka, motion)
+        assert recording.trouble.startswith("the object was lost 0.")
+        assert "\n" not in recording.trouble
+        assert not franka.gripper.orders and math.isnan(recording.command_time)
+        sent = np.array(franka.robot.sent)
+        assert within_limits(sent, motion) and franka.robot.finished
+        assert np.abs(sent[-1] - motion.q[-1]).max() > 0.01
+        assert len(recording.times) < len(motion.times)
+
+
+def test_an_object_lost_before_the_start_pose_is_not_thrown(motion) -> None:
+    franka = simulated(lambda tick: 0.02 if tick < 500 else 0.0)
+    with pytest.raises(
+        InputError, match=r"lost on the way to the start pose: .* nothing was thrown"
+    ):
+        one_throw(franka, motion)
+    sent = np.array(franka.robot.sent)
+    assert sent[-1] == pytest.approx(motion.q[0]) and franka.robot.finished
+    assert not franka.gripper.orders
+
+
+def test_a_throw_in_order_has_no_trouble(motion) -> None:
+    franka = simulated()
+    recordings = throws(franka, motion, motion, lambda words: None)
+    recording = next(recordings)
+    assert recording.trouble == "" and recording.width[0] == 0.02
+    assert recording.command_time == pytest.approx(motion.throw.command_time, abs=1e-9)
+
+
+# Rehearsed.
+
+
+def test_a_rehearsal_opens_nothing_and_is_slow(motion) -> None:
+    franka, asked = simulated(holds=False), list[str]()
+    recording = rehearse(franka, motion, motion, asked.append)
+    assert not franka.gripper.orders and (recording.width == 0.02).all()
+    sent = np.array(franka.robot.sent)
+    assert within_limits(sent, motion) and franka.robot.finished
+    # Along the same path, slower by one factor.
+    slow = recording.sent[: -(len(recording.sent) // 20)]
+    way = np.abs(motion.q[:, None, :] - slow[None, ::50, :]).max(axis=2).min(axis=0)
+    assert way.max() < 0.01
+    assert sent[-1] == pytest.approx(motion.q[-1], abs=1e-6)
+    peak = np.abs(np.diff(sent[-len(recording.sent) :], axis=0)).max() / TICK
+    planned = np.abs(motion.dq).max()
+    fastest = motion.throw.measured.speed.value
+    assert peak / planned == pytest.approx(0.25 / fastest, rel=0.01)
+    assert "times as slow" in asked[0] and "sweep" in asked[0]
+
+
+def test_a_rehearsal_is_for_an_empty_hand(motion) -> None:
+    with pytest.raises(InputError, match="holds an object: take it out"):
+        rehearse(simulated(), motion, motion, lambda words: None)
+
+
+def test_rehearsals_are_alone(saved, refused) -> None:
+    for other in (("--dry",), ("--repeat", 2)):
+        assert "--rehearse: not with" in refused("run --rehearse", saved("fr3"), *other)
+
+
+# What a motion needs.
+
+
+def test_what_a_throw_needs_is_said_before_it(motion, saved, run) -> None:
+    """The space swept, the load in the flange's frame, and collision thresholds."""
+    _, asked = one_throw(simulated(opens=False), motion)
+    facts = run("run --dry --json", saved("fr3")).json["expects"]
+    for words in ("sweep x ", "behind the base's axis", "load to set: 0.24 kg", "thresholds"):
+        assert words in asked[0]
+    scene = motion.throw.scene
+    # The bar is in line with the hand: pads' centre behind the flange, CoM ahead of it.
+    ahead = scene.arm.tool.tcp + scene.com_offset
+    assert facts["load"] == {"mass": 0.24, "com": pytest.approx([0.0, 0.0, ahead], abs=1e-6)}
+    # The object starts in the swept space and lands at the target.
+    swept, flown = facts["swept"], facts["flown"]
+    landing = motion.throw.landing
+    for place, axis in ((landing.x, "x"), (landing.z, "z")):
+        assert flown[axis][0] < place < flown[axis][1]
+    start = motion.throw.release.detach.pose
+    assert swept["x"][0] < start[0] < swept["x"][1] and swept["z"][0] < start[1] < swept["z"][1]
+    # A held bar's weight alone is its mass times gravity at its distance.
+    lever = max(facts["thresholds"]["torque"].values()) / facts["thresholds"]["force"]
+    assert 0.3 < lever < 1.3 and facts["thresholds"]["force"] > 0.24 * 9.81
