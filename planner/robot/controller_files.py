@@ -16,7 +16,7 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import Arm, PlanarArm
-from ...problems import InputError, load_arm
+from ...problems import InputError, checked, load_arm
 from ...problems.files import filling, write_json
 from ..result import Plan, joint_samples, throw_of, write_table
 from ..throw import TICK, Throw
@@ -26,6 +26,8 @@ from ..verdict import JOINT_LIMITS, verdict
 ON_TICK = 1e-6
 #: Default gap [m] of an opened gripper: the Franka Hand's.
 OPEN_WIDTH = 0.08
+#: Allowed gaps: a larger number is in millimetres.
+WIDTHS = {"least": 0.001, "most": 0.5, "unit": "m"}
 #: Program for libfranka that throws the files beside it.
 FRANKA_PROGRAM = ("throw.cpp", "CMakeLists.txt")
 #: Files for libfranka.
@@ -139,6 +141,7 @@ def export(
         raise InputError("--joint-names: only with --ros")
     if ros is None and open_width is not None:
         raise InputError("--open-width: only with --ros")
+    width = OPEN_WIDTH if open_width is None else checked("--open-width", open_width, float, WIDTHS)
     if ros is not None:
         # Refuse a missing extra before reading the plan.
         ros_typestore()
@@ -153,7 +156,6 @@ def export(
             write_franka(motion, stack.enter_context(folder))
         if ros is not None:
             folder = filling(Path(ros), ROS_FILES, "--ros")
-            width = OPEN_WIDTH if open_width is None else open_width
             write_ros(motion, stack.enter_context(folder), joints, width)
     return motion
 

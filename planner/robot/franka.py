@@ -22,7 +22,7 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, load_arm
-from ..workers import leave_signals_to_parent, signals_deferred
+from ..workers import check_host, leave_signals_to_parent, signals_deferred
 from .controller_files import OPEN_WIDTH, is_franka
 
 #: TCP ports of robot and gripper.
@@ -181,6 +181,7 @@ class Franka:
 def connected(host: str) -> Iterator[Franka]:
     """Robot and gripper at an address; InputError if they do not answer."""
     binding = load_franka()
+    check_host(f"--robot {host}", host)
     for port in PORTS:
         # The binding would wait for a minute and ignore interrupts.
         try:
