@@ -37,23 +37,23 @@ _STARTING = threading.Lock()
 
 
 @dataclass
-class Guard:
+class PageState:
     """controls: viser's handles of the page's controls, by their keys in messages. active: whether
-    the server asks the guard."""
+    requests and messages to the server are checked."""
 
     controls: Mapping[str, Any] = field(default_factory=dict)
     active: bool = False
 
 
 @contextlib.contextmanager
-def guarded(host: str, port: int) -> Iterator[Guard]:
-    """A guard of the viser server that the block starts at this address: requests and messages to
-    the server are checked from then on."""
+def guarded(host: str, port: int) -> Iterator[PageState]:
+    """Checks requests and messages to the viser server that the block starts at this address, as
+    long as it runs; yields the state that the checks read."""
     import viser
     from websockets.asyncio import server
     from websockets.exceptions import ConnectionClosed
 
-    serve, guard = server.serve, Guard()
+    serve, state = server.serve, PageState()
 
     class Connection(server.ServerConnection):
         """A connection that leaves out messages with a mistake."""
@@ -66,7 +66,7 @@ def guarded(host: str, port: int) -> Iterator[Guard]:
                     if error.sent is not None and error.sent.code in BROKEN:
                         _report(f"a connection is closed: {_short(error.sent.reason)}")
                     raise
-                mistake = mistake_in(raw, guard.controls)
+                mistake = mistake_in(raw, state.controls)
                 if not mistake:
                     return raw
                 _report(f"a message is left out: {mistake}")
@@ -88,14 +88,14 @@ def guarded(host: str, port: int) -> Iterator[Guard]:
             else:  # viser would print on stdout.
                 await connection.close(1002, "another version of viser: reload the page")
 
-        guard.active = True
+        state.active = True
         options |= {"create_connection": Connection, "max_size": LONGEST_MESSAGE}
         return serve(handle, *address, process_request=checked, **options)
 
     with _STARTING:
         server.serve = serve_guarded  # type: ignore[assignment,misc]
         try:
-            yield guard
+            yield state
         finally:
             server.serve = serve  # type: ignore[misc]
 
