@@ -94,8 +94,8 @@ def draw_reach(space: Any, rows: Array, scene: Scene, target: Pose, floor: float
     sector = math.radians(50.0)
     half = (target.plane.azimuth - sector) / 2 if scene.arm else 0.0
     turn = math.cos(half), 0.0, 0.0, math.sin(half)
-    at = (0.0, 0.0, floor + 0.002)
-    frame = space.add_frame("/reach", show_axes=False, position=at, wxyz=turn)
+    frame = space.add_frame("/reach", show_axes=False, wxyz=turn)
+    lift_reach(frame, floor)
     for i, (low, high, margin) in enumerate(rows):
         share = min(max(margin, 0.0) / 0.4, 1.0)
         colour = (1 - share) * np.array(rgb(ORANGE)) + share * np.array(rgb(BLUE))
@@ -110,3 +110,8 @@ def draw_reach(space: Any, rows: Array, scene: Scene, target: Pose, floor: float
             mesh = revolve(np.column_stack([ends, [0.0, 0.0]]), 2 * sector, sections=40)
             space.add_mesh_simple(name, mesh.vertices, mesh.faces, side="double", **look)
     return frame
+
+
+def lift_reach(node: Any, floor: float) -> None:
+    """Moves the bands to just above the floor [m]."""
+    node.position = (0.0, 0.0, floor + 0.002)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import queue
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -18,11 +17,19 @@ from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import InputError, Pose, Scene
 from ..planner import PATIENCE, Planner
 from ..reach import ReachMap, reach_map
-from ..result import Plan, throw_of
+from ..result import Plan, check_overwrites, throw_of
 from ..show import RED, Panel, put, space_throw
-from .around import bands, cloud_words, delay_of, draw_cloud, draw_reach, sweep_delays, with_delay
-
-Request = TypeVar("Request")
+from .around import (
+    bands,
+    cloud_words,
+    delay_of,
+    draw_cloud,
+    draw_reach,
+    lift_reach,
+    sweep_delays,
+    with_delay,
+)
+from .latest_only import LatestOnlyWorker, OutdatedError
 
 
 @dataclass(frozen=True)
@@ -46,53 +53,6 @@ class PageSettings:
 
 
 SETTINGS = PageSettings()
-
-
-class OutdatedError(Exception):
-    """Raised by work for an outdated request."""
-
-
-class LatestOnlyWorker(Generic[Request]):
-    """A thread that calls `work(request)` for the latest request and skips older ones.
-
-    work: raises nothing but OutdatedError.
-    """
-
-    def __init__(self, work: Callable[[Request], None]) -> None:
-        self._work, self._ended = work, False
-        self._requests: queue.Queue[Request | None] = queue.Queue()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def submit(self, request: Request) -> None:
-        """Make this the next request."""
-        self._requests.put(request)
-
-    @property
-    def waiting(self) -> bool:
-        """Whether a newer request waits, or the worker is to end."""
-        return not self._requests.empty() or self._ended
-
-    def finish(self) -> None:
-        """Wait until there is no work."""
-        self._requests.join()
-
-    def end(self, seconds: float) -> None:
-        """Take no more requests, and wait at most `seconds` [s] for current work."""
-        self._ended = True
-        self._requests.put(None)
-        self._thread.join(seconds)
-
-    def _run(self) -> None:
-        while not self._ended:
-            request = self._requests.get()
-            try:
-                if request is not None and not self.waiting:
-                    self._work(request)
-            except OutdatedError:
-                pass
-            finally:
-                self._requests.task_done()
 
 
 @dataclass(frozen=True)
@@ -122,7 +82,7 @@ class PlayPage:
 
     def __init__(self, server: Any, planner: Planner, plan: Plan) -> None:
         self._planner, self._scene, self._base = planner, planner.scene, planner.check()
-        self.plan, self._lock = plan, threading.RLock()
+        self.plan, self._lock, self._button = plan, threading.RLock(), threading.Lock()
         self.strip = server.gui.add_markdown(plan_words(plan))
         self._add_controls(server)
         self._add_buttons(server.gui)
@@ -247,16 +207,20 @@ class PlayPage:
         except InputError as error:
             self.strip.content = f"**wrong input**: {error}"
             return
-        self._show(plan)
+        if not self.plans.ended:
+            self._show(plan)
 
     def _show(self, plan: Plan) -> None:
-        """Show a plan's throw; without one, the nearest landing beside the last throw."""
+        """Show a plan's throw; without one, the nearest landing beside the last throw, faded."""
         with self._lock:
             if plan.solved:
                 self.plan = plan
                 self._drop("cloud")
                 self.panel.change(space_throw(throw_of(plan)))
                 self.panel.view.aim(self._aim)
+                if "reach" in self._drawn:
+                    lift_reach(self._drawn["reach"], self.panel.view.floor)
+            self.panel.view.fade(not plan.solved)
             self._nearest.visible = plan.nearest is not None
             if plan.nearest is not None:
                 put(self._nearest, self.panel.throw.target(plan.nearest))
@@ -272,8 +236,11 @@ class PlayPage:
                 reach = reach_map(request.scene, target.z, samples, progress=check)
                 self._reach_map = reach
             self._draw_reach(reach, target, None)
-            if reach.reachable and not self.maps.waiting:
-                self._draw_reach(reach, target, self._farthest(target))
+            if reach.reachable:
+                self._check_outdated()
+                farthest = self._farthest(target)
+                self._check_outdated()
+                self._draw_reach(reach, target, farthest)
         except InputError:
             return
 
@@ -319,23 +286,43 @@ class PlayPage:
 
     def save(self) -> str:
         """Writes the plan shown; returns a sentence with the folder."""
-        if not self.folder.value.strip():
-            raise InputError("folder: is empty; type the name of a folder for the plan's files")
-        folder = Path(self.folder.value).absolute()
+        folder = folder_below(Path.cwd(), self.folder.value)
+        check_overwrites(folder)
         self.plan.save(folder)
         return f"written to {folder}"
 
     def _with_status(self, work: Callable[[], str]) -> None:
+        """Show the result of a button's work; one click at a time, others are lost."""
+        if not self._button.acquire(blocking=False):
+            return
         self.status.content = "working..."
         try:
             self.status.content = work()
         except InputError as error:
             self.status.content = f"**{error}**"
+        finally:
+            self._button.release()
 
     def end(self) -> None:
         """Stops planning."""
         self.maps.end(SETTINGS.close_time)
         self.plans.end(SETTINGS.close_time)
+
+
+def folder_below(place: Path, name: str) -> Path:
+    """The folder `name` below `place`, links followed; InputError if it is not below.
+
+    A page takes names from whoever reaches it, so they may mean no other place.
+    """
+    if not name.strip():
+        raise InputError("folder: is empty; type the name of a folder for the plan's files")
+    try:
+        place, folder = place.resolve(), (place / name).resolve()
+    except (OSError, ValueError, RuntimeError) as error:  # RuntimeError for links in a circle.
+        raise InputError(f"folder {name!r}: {error}") from None
+    if place not in folder.parents:
+        raise InputError(f"folder {name}: must be below {place}, where the command was started")
+    return folder
 
 
 def first_plan(planner: Planner) -> Plan:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -125,8 +126,19 @@ def read_plan(path: str | Path) -> SavedThrow:
     return dataclasses.replace(throw, scene=scene.aimed_at(scene.target.at(throw.landing_time)))
 
 
-def _plan_object(path: Path) -> dict[str, Any]:
-    """The JSON object of a solved plan of this version."""
+def check_overwrites(folder: Path) -> None:
+    """InputError if `FILES` in a folder would replace a file that belongs to no plan."""
+    found = [name for name in FILES if os.path.lexists(folder / name)]
+    try:
+        whole = not found or {"scene", "target", "landing"} <= _json_plan(folder / FILES[-1]).keys()
+    except InputError:
+        whole = False
+    if not whole:
+        raise InputError(f"{folder}: {found[0]} there belongs to no plan; choose another folder")
+
+
+def _json_plan(path: Path) -> dict[str, Any]:
+    """The JSON object of a plan of any version and status."""
     text = read_text(path)
     try:
         plan = json.loads(text)
@@ -136,6 +148,12 @@ def _plan_object(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: is not JSON: {error}") from None
     if not isinstance(plan, dict) or "status" not in plan:
         raise InputError(f"{path}: is not a plan file")
+    return plan
+
+
+def _plan_object(path: Path) -> dict[str, Any]:
+    """The JSON object of a solved plan of this version."""
+    plan = _json_plan(path)
     version = plan.get("format")
     if version != FORMAT:
         description = "an older version" if version is None else f"version {version!r}"

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.robot import Arm, PlanarArm
-from ...problems import InputError, check_arguments, load_arm
+from ...problems import InputError, check_arguments, checked, load_arm
 from ...problems.files import filling, write_json
 from ..result import Plan, joint_samples, throw_of, write_table
 from ..throw import TICK, Throw
@@ -25,6 +25,8 @@ from .gripper import OPEN_WIDTH
 
 #: An instant is on a tick if it is within this distance of it [ticks].
 ON_TICK = 1e-6
+#: Allowed gaps [m] of an opened gripper: a larger number is in millimetres.
+WIDTHS = {"least": 0.001, "most": 0.5, "unit": "m"}
 #: Program for libfranka that throws the files beside it.
 FRANKA_PROGRAM = ("throw.cpp", "CMakeLists.txt")
 #: Files for libfranka.
@@ -139,6 +141,7 @@ def export(
         raise InputError("--joint-names: only with --ros")
     if ros is None and open_width is not None:
         raise InputError("--open-width: only with --ros")
+    width = OPEN_WIDTH if open_width is None else checked("--open-width", open_width, float, WIDTHS)
     if ros is not None:
         # Refuse a missing extra before reading the plan.
         ros_typestore()
@@ -153,7 +156,6 @@ def export(
             write_franka(motion, stack.enter_context(folder))
         if ros is not None:
             folder = filling(Path(ros), ROS_FILES, "--ros")
-            width = OPEN_WIDTH if open_width is None else open_width
             write_ros(motion, stack.enter_context(folder), joints, width)
     return motion
 

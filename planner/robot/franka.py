@@ -15,6 +15,7 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, load_arm
+from ..workers import check_host
 from .controller_files import is_franka
 from .gripper import OPEN_WIDTH, GripperLink, GripperState
 from .gripper import PORT as GRIPPER_PORT
@@ -128,10 +129,11 @@ def connected(host: str) -> Iterator[Franka]:
 def check_port(host: str, port: int) -> None:
     """InputError unless something listens there; the binding would wait for a minute and ignore
     interrupts."""
+    check_host(f"--robot {host}", host)
     try:
         socket.create_connection((host, port), timeout=5.0).close()
-    except (OSError, UnicodeError) as error:
-        why = getattr(error, "strerror", None) or str(error)
+    except OSError as error:
+        why = error.strerror or str(error)
         raise InputError(
             f"--robot {host}: does not answer on port {port} ({why}): check the address, the "
             "cable, and that FCI is active in Desk"

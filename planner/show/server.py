@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...problems import InputError
+from .page_guard import guarded
 from .style import PHASES
 from .view import SpaceThrow, View
 
@@ -44,11 +45,14 @@ def empty_page(title: str, port: int) -> Iterator[tuple[str, Any]]:
     # Browsers open connections and drop them silently.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     # viser prints its start and stop on stdout, which belongs to the command.
-    with contextlib.redirect_stdout(io.StringIO()):
+    with contextlib.redirect_stdout(io.StringIO()), guarded(HOST, port) as state:
         server = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
     try:
         if server.get_port() != port:
             raise InputError(f"--port {port}: is taken; choose another with --port")
+        state.controls = getattr(server.gui, "_gui_input_handle_from_uuid", {})
+        if not (state.active and isinstance(state.controls, dict)):
+            raise InputError(f"the page cannot be guarded with viser {viser.__version__}")
         # The share button would let other machines connect.
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()

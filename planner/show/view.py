@@ -39,6 +39,7 @@ class ViewShapes:
     pad_ahead, pad_width, pad_thickness: of a pad, the first from its centre to its end. pad_speed
     [m/s], pad_travel: of a pad after detach. free_hand: body of a free hand behind the pads (from,
     to, half width). rim: thickness of a cup's rim. min_half: least half thickness of a bar.
+    faded: opacity of a throw that does not lead to the target.
     """
 
     link_radius: float = 0.032
@@ -51,6 +52,7 @@ class ViewShapes:
     free_hand: tuple[float, float, float] = (0.12, 0.045, 0.03)
     rim: float = 0.006
     min_half: float = 0.004
+    faded: float = 0.25
 
 
 SHAPES = ViewShapes()
@@ -162,22 +164,25 @@ def _joint_frames(throw: Throw, kinematics: PlanarArm, times: Array) -> Array:
 class View:
     """A throw in a viser server.
 
-    `show` moves all bodies to a time, `change` takes another throw of the scene.
+    `show` moves all bodies to a time, `change` takes another throw of the scene, `fade` shows it
+    pale. floor [m]: height of the floor.
     """
 
     def __init__(self, server: Any, throw: SpaceThrow) -> None:
         self.server, self.throw, self.scene = server, throw, server.scene
         self.half_thickness = max(throw.scene.object.width / 2, SHAPES.min_half)
+        self.faded, self.floor, self._bodies = False, math.inf, list[Any]()
         self._draw_surroundings()
         self._draw_target()
         self.joints = self._draw_arm()
         self.hand, self.pads = self._draw_hand()
         self.bar = self.scene.add_frame("/bar", show_axes=False)
-        self.box = self.add_bar("/bar/box", PHASES["carry"], None)
+        self.box = self._body(self.add_bar("/bar/box", PHASES["carry"], None))
         radius = 0.55 * self.half_thickness + 0.004
         for side in (-1, 1):
             at = (0.0, 0.0, side * self.half_thickness)
-            self.scene.add_icosphere(f"/bar/com{side}", radius, rgb(BLACK), position=at)
+            ball = self.scene.add_icosphere(f"/bar/com{side}", radius, rgb(BLACK), position=at)
+            self._body(ball)
         self._aim_camera()
         self.change(throw)
 
@@ -186,8 +191,19 @@ class View:
         self.throw = throw
         with self.server.atomic():
             self.aim(throw.throw.target)
+            self._draw_floor()
             self._draw_path()
             self.show(0.0)
+
+    def fade(self, faded: bool) -> None:
+        """Shows the throw pale, as one that does not lead to the target, or as usual."""
+        if faded == self.faded:
+            return
+        self.faded = faded
+        with self.server.atomic():
+            for body in self._bodies:
+                body.opacity = SHAPES.faded if faded else None
+            self._draw_path()
 
     def aim(self, target: Pose) -> None:
         """Moves target and cup to a target pose."""
@@ -224,10 +240,12 @@ class View:
         )
         foot = (0.0, 0.0, 0.3 * radius)
         nodes = [scene.add_frame("/arm/base", show_axes=False)]
-        scene.add_cylinder("/arm/base/foot", 1.6 * radius, 0.6 * radius, rgb(ARM), position=foot)
+        size = 1.6 * radius, 0.6 * radius
+        self._body(scene.add_cylinder("/arm/base/foot", *size, rgb(ARM), position=foot))
         for j in range(1, arm.joints + 1):
             nodes.append(scene.add_frame(f"/arm/joint{j}", show_axes=False))
-            scene.add_cylinder(f"/arm/joint{j}/drum", 1.12 * radius, 2.5 * radius, rgb(ARM))
+            size = 1.12 * radius, 2.5 * radius
+            self._body(scene.add_cylinder(f"/arm/joint{j}/drum", *size, rgb(ARM)))
         for node, row in zip(nodes, pieces, strict=True):
             for k, ends in enumerate(row):
                 self._draw_rod(f"{node.name}/link{k}", ends, radius)
@@ -241,8 +259,9 @@ class View:
         # The quaternion that turns the cylinder's z axis to the link, half a turn if it is -z.
         turn = np.array([1.0 + z, -y, x, 0.0]) if z > -1.0 else np.array([0.0, 1.0, 0.0, 0.0])
         place = {"wxyz": turn / np.linalg.norm(turn), "position": (begin + end) / 2}
-        self.scene.add_cylinder(f"{name}/rod", radius, length, rgb(LINK), **place)
-        self.scene.add_icosphere(f"{name}/end", radius, rgb(LINK), subdivisions=3, position=end)
+        look = {"subdivisions": 3, "position": end}
+        self._body(self.scene.add_cylinder(f"{name}/rod", radius, length, rgb(LINK), **place))
+        self._body(self.scene.add_icosphere(f"{name}/end", radius, rgb(LINK), **look))
 
     def _draw_hand(self) -> tuple[Any, list[Any]]:
         """The hand's body and its two pads; returns the moving node and the pads."""
@@ -253,10 +272,16 @@ class View:
             back, front, half = tool.palm_back, tool.palm_front, tool.palm_half_width
         node = self.scene.add_frame("/hand", show_axes=False)
         size = (back - front, 2 * half, SHAPES.hand_width)
-        self.scene.add_box("/hand/body", rgb(ARM), size, position=(-(back + front) / 2, 0.0, 0.0))
+        at = (-(back + front) / 2, 0.0, 0.0)
+        self._body(self.scene.add_box("/hand/body", rgb(ARM), size, position=at))
         size = (front + SHAPES.pad_ahead, SHAPES.pad_width, SHAPES.pad_thickness)
         pads = [self.scene.add_box(f"/hand/pad{k}", rgb(PAD), dimensions=size) for k in (1, 2)]
-        return node, pads
+        return node, [self._body(pad) for pad in pads]
+
+    def _body(self, node: Any) -> Any:
+        """Keeps a shape that moves with the throw, to fade it; returns it."""
+        self._bodies.append(node)
+        return node
 
     def add_bar(self, name: str, colour: str, opacity: float | None) -> Any:
         """A box of the bar's length and width about the CoM's frame."""
@@ -266,16 +291,11 @@ class View:
         return self.scene.add_box(name, rgb(colour), size, cast_shadow=opacity is None, **place)
 
     def _draw_surroundings(self) -> None:
-        """Floor, base column and obstacles."""
+        """Base column and obstacles."""
         from trimesh.creation import box, capsule
 
         scene = self.throw.scene
         workspace = scene.workspace
-        self.floor = 0.0 if scene.arm is not None else float(self.throw.extent()[0][1]) - 0.05
-        if workspace is not None and workspace.floor is not None:
-            self.floor = workspace.floor
-        look = {"cell_size": 0.1, "section_size": 0.5, "shadow_opacity": 0.0}
-        self.scene.add_grid("/floor", 6.0, 6.0, position=(0.0, 0.0, self.floor), **look)
         if workspace is not None and workspace.column_radius is not None:
             radius, height = workspace.column_radius, workspace.column_height or 0.0
             glass: dict[str, Any] = {"opacity": 0.25, "cast_shadow": False}
@@ -291,6 +311,18 @@ class View:
                 mesh = capsule(2 * solid.half[2], solid.radius, transform=pose)
             name, colour = f"/obstacle{number}", rgb("#d9b8a6")
             self.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=colour, opacity=0.8)
+
+    def _draw_floor(self) -> None:
+        """The floor: the scene's, or below all that is shown, where an arm may stand on it."""
+        scene, lowest = self.throw.scene, float(self.throw.extent()[0][1])
+        floor = 0.0 if scene.arm is not None and lowest >= 0.0 else lowest - 0.05
+        if scene.workspace is not None and scene.workspace.floor is not None:
+            floor = scene.workspace.floor
+        # It does not rise again: it would move with every target.
+        if floor < self.floor:
+            self.floor = floor
+            look = {"cell_size": 0.1, "section_size": 0.5, "shadow_opacity": 0.0}
+            self.scene.add_grid("/floor", 6.0, 6.0, position=(0.0, 0.0, floor), **look)
 
     def _draw_target(self) -> None:
         """The target pose, and a cup: wall and bottom to look through, a solid rim."""
@@ -317,7 +349,10 @@ class View:
         """The CoM's path, coloured by phase, and the marks on it."""
         throw, line = self.throw, self.throw.line
         path = throw.plane.points(line.com[0], line.com[1])
-        colours = np.array([rgb(colour) for colour in PHASES.values()], dtype=np.uint8)[line.phase]
+        palette = np.array([rgb(colour) for colour in PHASES.values()])
+        if self.faded:
+            palette = 255 - (SHAPES.faded * (255 - palette)).astype(int)
+        colours = palette.astype(np.uint8)[line.phase]
         pieces = np.stack([path[:-1], path[1:]], axis=1)
         colours = np.repeat(colours[1:, None], 2, axis=1)
         self.scene.add_line_segments("/path", pieces, colours, thickness=0.006)

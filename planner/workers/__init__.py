@@ -5,19 +5,21 @@ Long work is cut into short jobs: any executor can share them, and Ctrl-C loses 
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import os
 import re
 import signal
 import socket
+import ssl
 import struct
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
 from multiprocessing import active_children, get_context
 from multiprocessing.process import BaseProcess
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ...problems import InputError
 
@@ -35,7 +37,7 @@ PATIENCE = 5.0
 ENDING = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in dir(signal)}
 
 
-@contextmanager
+@contextlib.contextmanager
 def signals_deferred() -> Iterator[None]:
     """Signals that end this process wait until the block is done.
 
@@ -69,7 +71,7 @@ def leave_signals_to_parent() -> None:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
 
 
-@contextmanager
+@contextlib.contextmanager
 def executor_of(workers: int | None, scheduler: str | None) -> Iterator[Executor | None]:
     """The executor of the options, None for this process.
 
@@ -90,7 +92,7 @@ def executor_of(workers: int | None, scheduler: str | None) -> Iterator[Executor
         yield None
 
 
-@contextmanager
+@contextlib.contextmanager
 def _processes(count: int) -> Iterator[Executor]:
     # Spawn, as forking a process whose libraries have threads is not safe. One thread each, as
     # small matrices are slower with more.
@@ -124,16 +126,32 @@ def _end_missed_workers(pool: Executor, others: Sequence[BaseProcess]) -> None:
                 child.terminate()
 
 
-@contextmanager
+@contextlib.contextmanager
 def _cluster(address: str) -> Iterator[Executor]:
     place = f"--scheduler {address}"
-    _check_scheduler(address, place)
+    found = re.fullmatch(r"(?:(tcp|tls)://)?(\[.+\]|[^/:]+):(\d{1,5})", address)
+    if found is None:
+        raise InputError(f"{place}: must be like tcp://host:8786")
+    tls = None
+    if found[1] == "tls":
+        tls = _load_dask(place).Security().get_connection_args("client").get("ssl_context")
+        if tls is None:
+            raise InputError(
+                f"{place}: needs certificates: distributed.comm.tls of Dask's settings"
+            )
+    host = found[2].strip("[]")
+    check_host(place, host)
+    _check_scheduler(place, host, int(found[3]), tls)
+    distributed = _load_dask(place)
     try:
-        import distributed
-    except ImportError:
-        raise InputError(f"{place}: needs Dask: pip install distributed") from None
-    try:
+        # In a thread: a notebook's has an event loop of its own.
+        with futures.ThreadPoolExecutor(1) as thread:
+            role = thread.submit(asyncio.run, _dask_role(distributed, address)).result()
+        if role != "Scheduler":
+            raise InputError(f"{place}: what answers there is no Dask scheduler but a {role}")
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(f"{place}: {_line(error)}") from None
     # Failures of a cluster and of the packages on it.
@@ -152,27 +170,54 @@ def _cluster(address: str) -> Iterator[Executor]:
         client.close(timeout=PATIENCE)
 
 
-def _check_scheduler(address: str, place: str) -> None:
-    """InputError unless a Dask scheduler seems to answer there.
-
-    Dask's own client waits long for other servers and for unknown names.
-    """
-    found = re.fullmatch(r"(?:(tcp|tls)://)?(\[.+\]|[^/:]+):(\d{1,5})", address)
-    if found is None:
-        raise InputError(f"{place}: must be like tcp://host:8786")
-    scheme, host, port = found[1], found[2].strip("[]"), int(found[3])
+def _load_dask(place: str) -> Any:
     try:
-        with socket.create_connection((host, port), PATIENCE) as connection:
-            if scheme == "tls":
-                return
-            # A scheduler speaks first; its message begins with its length.
-            connection.settimeout(PATIENCE)
-            begin = connection.recv(8, socket.MSG_WAITALL)
+        import distributed
+    except ImportError:
+        raise InputError(f"{place}: needs Dask: pip install distributed") from None
+    return distributed
+
+
+def check_host(place: str, host: str) -> None:
+    """InputError, naming `place`, unless `host` may be a machine's name or address."""
+    with contextlib.suppress(UnicodeError):
+        host.encode("idna")  # As sockets do.
+        if re.fullmatch(r"[^\s\0]+", host):
+            return
+    raise InputError(f"{place}: must be the name or the address of a machine")
+
+
+async def _dask_role(distributed: Any, address: str) -> str:
+    """The part of Dask that answers there: its client would wait long for a worker."""
+    async with asyncio.timeout(PATIENCE):
+        comm = await distributed.core.connect(address)
+        await comm.write({"op": "identity"})
+        role = str((await comm.read()).get("type"))
+        comm.abort()
+        return role
+
+
+def _check_scheduler(place: str, host: str, port: int, tls: ssl.SSLContext | None) -> None:
+    """InputError unless a part of Dask seems to answer there.
+
+    Dask's own client waits long for other servers and for unknown names, and does not expect all
+    that they may say.
+    """
+    try:
+        with contextlib.ExitStack() as stack:
+            connection = stack.enter_context(socket.create_connection((host, port), PATIENCE))
+            if tls is not None:
+                connection = stack.enter_context(tls.wrap_socket(connection))
+            # Dask speaks first; its message begins with its length.
+            message = stack.enter_context(connection.makefile("rb"))
+            begin = message.read(8)
+            length = struct.unpack("<Q", begin)[0] if len(begin) == 8 else 0
+            words = message.read(length) if length < 1 << 20 else b""
     except TimeoutError:
         raise InputError(f"{place}: no Dask scheduler answers there") from None
-    except (OSError, OverflowError, UnicodeError) as error:
+    except (OSError, OverflowError) as error:
         raise InputError(f"{place}: no Dask scheduler there ({_line(error)})") from None
-    if len(begin) < 8 or struct.unpack("<Q", begin)[0] > 1 << 20:
+    if b"pickle-protocol" not in words:
         raise InputError(f"{place}: what answers there is no Dask scheduler")
 
 

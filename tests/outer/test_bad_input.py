@@ -444,6 +444,8 @@ sweep hand-box --model lss --out new | model; lss; ls-step
 sweep hand-box --robust quite --out new | --robust; quite; quiet
 sweep hand-box --workers 2 --scheduler a:1 --out new | --workers; --scheduler
 sweep hand-box --scheduler here --out new | --scheduler; here; tcp://host:8786
+sweep hand-box --scheduler a..b:80 --out new | --scheduler a..b:80: must be the name or the address
+sweep hand-box --scheduler tls://127.0.0.1:1 --out new | needs certificates
 sweep hand-box --target nan 0 free --out new | --target; nan
 map drop --out new | no [hand] or [robot]
 map pose --z high --out new | --z high: must be a finite number

@@ -151,13 +151,22 @@ def test_both_into_one_folder_and_again_with_other_names(turned, tmp_path, run) 
         ("--franka OUT --joint-names a", "--joint-names: only with --ros"),
         ("--ros OUT --joint-names a b", "--joint-names a b: must be 7 different names"),
         ("--ros OUT --joint-names a a b c d e f", "must be 7 different names"),
-        ("--ros OUT --open-width -1", "--open-width -1: must be at least 0"),
+        ("--ros OUT --open-width -1", "--open-width = -1: must be at least 0.001 m"),
+        ("--ros OUT --open-width 80", "--open-width = 80: must be at most 0.5 m"),
+        ("--ros OUT --open-width nan", "--open-width nan: must be a finite number"),
     ],
 )
 def test_options_that_do_not_fit(options, words, turned, tmp_path, refused, untouched) -> None:
     untouched()
     options = options.replace("OUT", str(tmp_path / "o")).split()
     assert words in refused("export", turned[1], *options)
+
+
+@pytest.mark.parametrize("width", [float("nan"), 80, -1, "wide", True, [0.08]])
+def test_widths_from_python(width, turned, tmp_path, untouched) -> None:
+    untouched()
+    with pytest.raises(tp.InputError, match=r"--open-width = .*: must be"):
+        tp.export(turned[1], ros=tmp_path / "o", open_width=width)
 
 
 def test_a_hand_has_no_controller(saved, tmp_path, refused) -> None:

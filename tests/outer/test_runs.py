@@ -246,6 +246,14 @@ def test_what_is_no_franka_is_given_up(plan, refused, says, words) -> None:
     assert host in said and words in said
 
 
+@pytest.mark.parametrize("host", ["a..b", "é" * 70, "", "a b"])
+def test_a_host_that_is_none(plan, refused, host) -> None:
+    pytest.importorskip("pylibfranka")
+    assert "must be the name or the address of a machine" in refused(
+        "run --yes", plan, "--robot", host
+    )
+
+
 def test_a_robot_that_does_not_answer(plan, refused, tmp_path) -> None:
     pytest.importorskip("pylibfranka")
     out = tmp_path / "out"
