@@ -22,7 +22,7 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, load_arm
-from ..workers import leave_signals_to_parent, signals_deferred
+from ..workers import set_up_worker, signals_deferred
 from .controller_files import OPEN_WIDTH, is_franka
 
 #: TCP ports of robot and gripper.
@@ -125,7 +125,7 @@ class GripperLink:
 
 def _serve(host: str, pipe: Connection) -> None:
     """The gripper's process: carries out orders from the pipe and answers with the state."""
-    leave_signals_to_parent()
+    set_up_worker()
     import pylibfranka
 
     try:

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from ...interrupts import INTERRUPTS
 from ...models import Array, Indices
 from ...models.release import BATCH_MODELS, MODELS
 from ...problems import InputError, checked
@@ -176,6 +177,7 @@ def run_sweep(
     try:
         run_jobs(next_chunk, executor, keep)
     except KeyboardInterrupt:
+        INTERRUPTS.accept()
         if not done:
             return None
     done.sort(key=lambda part: int(part[0][0]))
