@@ -108,9 +108,11 @@ def _discard_output() -> None:
 
 
 def _set_up_process() -> None:
-    """Sets up a process of its own: signals act as Ctrl-C, pictures go to files."""
+    """Sets up a process of its own: signals end the work, pictures go to files."""
     INTERRUPTS.listen("throwplan")
     os.environ["MPLBACKEND"] = "agg"
+    # MuJoCo, which only simulates here, would start a process to look for a window system.
+    os.environ["MUJOCO_GL"] = "disable"
     # Warnings of libraries are hidden: commands print their own messages.
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
