@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from throwplan import InputError
-from throwplan.planner.cli import Interrupts, Parser, Progress
+from throwplan.interrupts import INTERRUPTS, leave
+from throwplan.planner.cli import Parser, Progress
 from throwplan.problems.files import prepare_folder
 
 from . import PAGE, SECTIONS, make_report
@@ -31,20 +32,22 @@ def main(words: Sequence[str] | None = None) -> int:
     add("--only", nargs="+", action="extend", default=[], metavar="SECTION", help=keys)
     add("--out", metavar="DIR", help=f"where to write (default: {KEPT}; with --quick {QUICK})")
     add("--json", action="store_true", help="print one JSON object, nothing else")
-    interrupts = Interrupts()
     if words is None:
-        interrupts.listen()
+        INTERRUPTS.listen("benchmarks")
     try:
+        INTERRUPTS.working = True
         options = parser.parse_args(words)
         out = options.out or (QUICK if options.quick else KEPT)
         return _run(Path(out), options.only, options.quick, options.json)
     except (Exception, KeyboardInterrupt) as error:
-        if interrupts.ended_by(error):
-            return interrupts.status("benchmarks")
+        if INTERRUPTS.is_cause(error):
+            return INTERRUPTS.end()
         if not isinstance(error, InputError):
             raise
         print(f"benchmarks: {error}", file=sys.stderr)
         return 2
+    finally:
+        INTERRUPTS.working = False
 
 
 def _run(out: Path, only: Sequence[str], quick: bool, as_json: bool) -> int:
@@ -63,4 +66,4 @@ def _run(out: Path, only: Sequence[str], quick: bool, as_json: bool) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

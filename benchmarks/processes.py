@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
-from throwplan.planner.workers import executor_of, leave_signals_to_parent, signals_deferred
+from throwplan.planner.workers import executor_of, set_up_worker, signals_deferred
 
 T = TypeVar("T")
 
@@ -122,7 +122,7 @@ class _Worker:
 
 def _serve(pipe: Connection, work: Callable[..., Any]) -> None:
     """The process: does jobs until the pipe is closed."""
-    leave_signals_to_parent()
+    set_up_worker()
     # Hundreds of release tables, each used once, stay out of the user's cache.
     os.environ["THROWPLAN_CACHE"] = ""
     answer: tuple[Any, Exception | None]

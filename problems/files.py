@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..core.compile import scratch_folder
+from ..interrupts import INTERRUPTS
 from ..models import Array
 from .checks import LARGEST, InputError, within
 
@@ -206,6 +207,7 @@ def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iter
     try:
         with _make_folders(folder), scratch_folder(folder) as scratch:
             yield scratch
+            INTERRUPTS.check()
             written = {path.name for path in scratch.iterdir()}
             for name in names:
                 if (folder / name).is_dir():
@@ -222,12 +224,11 @@ def copy_out(text: str, path: Path, *, force: bool = False) -> None:
     """Writes a text file completely or not at all; InputError if it exists, unless `force`."""
     if path.exists() and not force:
         raise InputError(f"{path}: exists already, not overwritten; --force does it")
-    scratch = path.with_suffix(".part")
     try:
-        scratch.write_text(text, encoding="utf-8")
-        os.replace(scratch, path)
+        with scratch_folder(path.parent) as scratch:
+            (scratch / path.name).write_text(text, encoding="utf-8")
+            os.replace(scratch / path.name, path)
     except OSError as error:
-        scratch.unlink(missing_ok=True)
         raise InputError(f"{path}: {error.strerror or error}") from None
 
 

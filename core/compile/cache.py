@@ -7,8 +7,10 @@ written, makes it again. Losing the folder costs time only.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
+import platform
 import secrets
 import shutil
 import stat
@@ -22,6 +24,8 @@ from pathlib import Path
 
 #: Characters of a sum.
 SUM = 24
+#: How names of scratch folders begin, before the number of their process.
+SCRATCH = f"tmp-{platform.node()}-"
 #: What reading a damaged NPZ file may raise.
 DAMAGED = (
     *(OSError, ValueError, KeyError, IndexError, TypeError, EOFError, RuntimeError),
@@ -43,9 +47,28 @@ def cache_folder() -> Path | None:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with scratch_folder(folder):
             pass
+        _delete_abandoned(folder)
     except (OSError, RuntimeError):
         return None
     return folder
+
+
+@functools.cache
+def _delete_abandoned(folder: Path) -> None:
+    """Deletes what killed processes left; once in this process.
+
+    Only those of this host can be known to have ended; on Windows `os.kill` would end one.
+    """
+    if os.name != "posix":
+        return
+    for scratch in (*folder.glob(f"{SCRATCH}*"), *folder.glob(f"*/{SCRATCH}*")):
+        process = scratch.name.removeprefix(SCRATCH).split("-")[0]
+        try:
+            os.kill(int(process), 0)
+        except ProcessLookupError:
+            shutil.rmtree(scratch, ignore_errors=True)
+        except (OSError, ValueError, OverflowError):
+            continue
 
 
 @contextmanager
@@ -54,7 +77,7 @@ def scratch_folder(parent: Path) -> Iterator[Path]:
 
     `tempfile.TemporaryDirectory` leaves its folder if a signal meets it while it deletes.
     """
-    scratch = parent / f"tmp{secrets.token_hex(6)}"
+    scratch = parent / f"{SCRATCH}{os.getpid()}-{secrets.token_hex(6)}"
     try:
         try:
             scratch.mkdir(0o700)

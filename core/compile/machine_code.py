@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import platform
 import shutil
@@ -16,6 +15,15 @@ from .cache import cache_folder, digest, keep, kept, only_ours, scratch_folder
 
 #: More optimisation compiles twice as long and runs no faster.
 FLAGS = ("-O1", "-fPIC", "-shared")
+#: Runs a command until it ends, or kills its process group when standard input closes.
+SUPERVISED = """
+exec 3<&0
+"$@" </dev/null 3<&- & command=$!
+{ read -r _ <&3; kill -9 0; } & watch=$!
+wait $command; status=$?
+kill $watch
+exit $status
+"""
 #: Longest time [s] that a compilation may take before it is given up.
 PATIENCE = 300.0
 #: Code longer than this (bytes), that of scenarios, takes minutes and gigabytes to compile.
@@ -67,11 +75,26 @@ def _compile(target: Path, functions: Functions) -> bool:
             code, made = scratch / "code.c", scratch / target.name
             code.write_text(source, encoding="utf-8")
             order = [command, *FLAGS, "-o", str(made), str(code), "-lm"]
-            # A compiler that is ended leaves its own temporary files.
-            own = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(scratch))
-            run = functools.partial(subprocess.run, stdin=subprocess.DEVNULL, capture_output=True)
-            run(order, check=True, timeout=PATIENCE, env=own)
             # What stands behind its end does not matter to a library.
-            return keep(target.parent, target.name, made.read_bytes())
+            return _run(order, scratch) and keep(target.parent, target.name, made.read_bytes())
     except (OSError, subprocess.SubprocessError):
         return False
+
+
+def _run(command: Sequence[str], scratch: Path) -> bool:
+    """Whether a compiler succeeded. It ends, with the programs that it starts, before `_run` does,
+    and where this process is killed."""
+    # A compiler that is ended leaves its own temporary files.
+    own = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(scratch))
+    order = ["sh", "-c", SUPERVISED, "sh", *command] if os.name == "posix" else command
+    none = subprocess.DEVNULL
+    with subprocess.Popen(
+        order, stdin=subprocess.PIPE, stdout=none, stderr=none, env=own, start_new_session=True
+    ) as process:
+        assert process.stdin is not None
+        try:
+            return process.wait(PATIENCE) == 0
+        finally:
+            process.stdin.close()
+            if os.name != "posix":
+                process.kill()

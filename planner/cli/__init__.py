@@ -17,9 +17,10 @@ from collections.abc import Sequence
 
 from ... import __version__
 from ...core import CoreError
+from ...interrupts import INTERRUPTS, leave
 from ...problems import InputError
 from . import import_robot, measured, robots, saved_plans, scenes
-from .common import DONE, WRONG_INPUT, Interrupts, Parser, Progress
+from .common import DONE, WRONG_INPUT, Parser, Progress
 
 #: The functions of each command, in the order of the help.
 COMMANDS = {
@@ -48,13 +49,13 @@ LONGEST = 160
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    interrupts = Interrupts()
     if arguments is None:
-        _set_up_process(interrupts)
+        _set_up_process()
+        leave(main(sys.argv[1:]))
+    words = list(arguments or ())
     try:
         try:
-            return _run_command(words, interrupts)
+            return _run_command(words)
         finally:  # After --help and errors in JSON as well.
             sys.stdout.flush()
     except BrokenPipeError:
@@ -65,9 +66,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _print_error(InputError(f"standard output: {error.strerror or error}"), words)
 
 
-def _run_command(words: list[str], interrupts: Interrupts) -> int:
+def _run_command(words: list[str]) -> int:
     """Runs the command line; returns the exit status, and prints the error if it is not 0."""
     try:
+        INTERRUPTS.working = True
         options, unknown = _parser().parse_known_args(words)
         if unknown:
             parser = options.parser
@@ -75,16 +77,19 @@ def _run_command(words: list[str], interrupts: Interrupts) -> int:
             raise InputError(f"unknown argument {unknown[0]}{hint} (see '{parser.prog} --help')")
         options.words = words
         status: int = options.run(options)
+        INTERRUPTS.working = False
         return status
     except (Exception, KeyboardInterrupt) as error:
-        if interrupts.ended_by(error):
-            return interrupts.status("throwplan")
+        if INTERRUPTS.is_cause(error):
+            return INTERRUPTS.end()
         if isinstance(error, InputError | CoreError):
             return _print_error(error, words)
         # Errors outside the commands' own checks, such as a too long file name.
         if isinstance(error, OSError) and error.filename is not None:
             return _print_error(InputError(f"{error.filename}: {error.strerror or error}"), words)
         raise
+    finally:
+        INTERRUPTS.working = False
 
 
 def _print_error(error: InputError | CoreError, words: list[str]) -> int:
@@ -103,10 +108,12 @@ def _discard_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _set_up_process(interrupts: Interrupts) -> None:
-    """Sets up a process of its own: signals act as Ctrl-C, pictures go to files."""
-    interrupts.listen()
+def _set_up_process() -> None:
+    """Sets up a process of its own: signals end the work, pictures go to files."""
+    INTERRUPTS.listen("throwplan")
     os.environ["MPLBACKEND"] = "agg"
+    # MuJoCo, which only simulates here, would start a process to look for a window system.
+    os.environ["MUJOCO_GL"] = "disable"
     # Warnings of libraries are hidden: commands print their own messages.
     if not sys.warnoptions:
         warnings.simplefilter("ignore")

@@ -8,18 +8,16 @@ import dataclasses
 import json
 import math
 import re
-import signal
 import sys
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 from typing import Any, NoReturn, TypeVar
 
+from ...interrupts import INTERRUPTS
 from ...problems import InputError, Pose, Region, Scene
 from ...problems.files import prepare_folder
-from ..workers import ENDING
 
 T = TypeVar("T")
 
@@ -33,38 +31,6 @@ DONE = 0
 WRONG_INPUT = 2
 #: Exit status of a command that found no throw.
 NO_THROW = 3
-#: Exit status after Ctrl-C or another signal.
-INTERRUPTED = 130
-
-
-class Interrupts:
-    """A signal handler that raises KeyboardInterrupt and keeps a record of it.
-
-    The C code of a library may replace the KeyboardInterrupt by an error of its own.
-    """
-
-    received = False
-
-    def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Raise KeyboardInterrupt."""
-        self.received = True
-        raise KeyboardInterrupt
-
-    def listen(self) -> None:
-        """Handles all signals that end a process like Ctrl-C."""
-        for kind in ENDING:
-            # A signal that the shell ignores, as under nohup, stays ignored.
-            if signal.getsignal(kind) is not signal.SIG_IGN:
-                signal.signal(kind, self)
-
-    def ended_by(self, error: BaseException) -> bool:
-        """Whether a signal caused the error."""
-        return self.received or isinstance(error, KeyboardInterrupt)
-
-    def status(self, program: str) -> int:
-        """Print that the program was interrupted; returns its exit status."""
-        print(f"{program}: interrupted", file=sys.stderr)
-        return INTERRUPTED
 
 
 class Parser(argparse.ArgumentParser):
@@ -266,6 +232,7 @@ class Progress:
 
     def __call__(self, done: int, total: int) -> None:
         """Show `done` of `total`."""
+        INTERRUPTS.check()
         words = f"{self._name}: {done:,} of {total:,} {self._unit}, {100 * done / total:.0f} %"
         now = time.perf_counter()
         # The time before the first call is start-up: it does not count.
@@ -291,6 +258,7 @@ class Progress:
                 _rewrite(f"{self._words} ({seconds:.0f} s)")
 
     def __enter__(self) -> Progress:
+        INTERRUPTS.check()
         if sys.stderr.isatty():
             self._show(self._name)
             self._counting.start()

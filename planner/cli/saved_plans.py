@@ -78,7 +78,7 @@ def view(options: argparse.Namespace) -> int:
     if files:
         print_result(options, files, "\n".join(f"written to {name}" for name in files.values()))
         return DONE
-    with contextlib.suppress(KeyboardInterrupt), serving(space, options.port) as (address, panel):
+    with serving(space, options.port) as (address, panel):
         _show(options, {"address": address, "phases": space.phases()}, panel)
     return DONE
 
@@ -90,10 +90,7 @@ def play(options: argparse.Namespace) -> int:
     """
     scene = load_scene(options.scene)
     planner = Planner(scene)
-    with (
-        contextlib.suppress(KeyboardInterrupt),
-        empty_page(scene.name, options.port) as (address, server),
-    ):
+    with empty_page(scene.name, options.port) as (address, server):
         with Progress(f"{scene.name}: planning"):
             plan = first_plan(planner)
         if not plan.solved:
@@ -108,13 +105,14 @@ def play(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace, facts: dict[str, Any], panel: Panel) -> None:
-    """Print the address of the page, open it, and play its panel."""
-    print(json.dumps(facts) if options.json else facts["address"], flush=True)
-    if not options.no_browser and not open_browser(facts["address"]):
-        print("throwplan: found no browser; open the address in one", file=sys.stderr)
-    if options.hold is None:
-        report_step("Ctrl-C ends it")
-    run_panel(panel, options.hold)
+    """Print the address of the page, open it, and play its panel until a signal comes."""
+    with contextlib.suppress(KeyboardInterrupt):
+        print(json.dumps(facts) if options.json else facts["address"], flush=True)
+        if not options.no_browser and not open_browser(facts["address"]):
+            print("throwplan: found no browser; open the address in one", file=sys.stderr)
+        if options.hold is None:
+            report_step("Ctrl-C ends it")
+        run_panel(panel, options.hold)
 
 
 def replay_arguments(add: Add) -> None:

@@ -9,6 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from ...interrupts import INTERRUPTED, INTERRUPTS
 from ...models.release import BATCH_MODELS, MODELS
 from ...problems import Cost, InputError, Robust, load_scene, scene_names, scene_text
 from ...problems.files import copy_out, filling, write_json
@@ -21,7 +22,6 @@ from ..throw import make_manipulator
 from ..workers import executor_of
 from .common import (
     DONE,
-    INTERRUPTED,
     Add,
     Progress,
     add_out,
@@ -233,6 +233,7 @@ def prepare(options: argparse.Namespace) -> int:
                 requested, progress, workers=options.workers, scheduler=options.scheduler
             )
     except KeyboardInterrupt:
+        INTERRUPTS.accept()
         kept = f"{planner.prepared:,} throws are kept; run the command again to continue"
         words = NOT_KEPT if library.folder is None else kept
         return fail(f"interrupted: {words}", INTERRUPTED)

@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 
 from ...core.compile import compiled
+from ...interrupts import INTERRUPTS
 from ...models import Array, ReadOnly
 from .assembly import Nlp, nlp_functions, nlp_key
 
@@ -191,6 +192,7 @@ class Solver:
         seconds: float = LIMITS.max_time,
     ) -> Solution:
         """Solves from a guess (n,) or from a solution; seconds: wall time limit [s]."""
+        INTERRUPTS.check()
         end = time.perf_counter() + seconds
         arguments: dict[str, Any] = {"p": parameters, "lbg": self.nlp.lbg, "ubg": self.nlp.ubg}
         arguments |= {"lbx": bounds[0], "ubx": bounds[1]}

@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from ...problems import InputError
-from ..workers import leave_signals_to_parent, signals_deferred
+from ..workers import set_up_worker, signals_deferred
 
 #: TCP port of the gripper.
 PORT = 1338
@@ -128,7 +128,7 @@ class _ProtocolError(Exception):
 
 def _serve(host: str, pipe: Connection) -> None:
     """The gripper's process: sends orders on time, and states and results to the pipe."""
-    leave_signals_to_parent()
+    set_up_worker()
     try:
         with (
             socket.create_connection((host, PORT), timeout=PATIENCE) as orders,

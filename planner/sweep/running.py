@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from ...interrupts import INTERRUPTS
 from ...models import Array, Indices
 from ...models.release import BATCH_MODELS, MODELS
 from ...problems import InputError, check_arguments, checked
@@ -177,6 +178,7 @@ def run_sweep(
     try:
         run_jobs(next_chunk, executor, keep)
     except KeyboardInterrupt:
+        INTERRUPTS.accept()
         if not done:
             return None
     done.sort(key=lambda part: int(part[0][0]))

@@ -17,10 +17,11 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures import Executor, Future
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
+from ...interrupts import ENDING, INTERRUPTS
 from ...problems import InputError
 
 T = TypeVar("T")
@@ -33,8 +34,6 @@ WINDOW = 64
 MOST = 256
 #: Time limit [s] for a scheduler's answer, and for its first worker.
 PATIENCE = 5.0
-#: Signals that end a process.
-ENDING = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in dir(signal)}
 
 
 @contextlib.contextmanager
@@ -64,11 +63,19 @@ def signals_deferred() -> Iterator[None]:
             signal.raise_signal(number)
 
 
-def leave_signals_to_parent() -> None:
-    """In a worker process: its parent handles Ctrl-C, other signals end it."""
+def set_up_worker() -> None:
+    """In a worker process: its parent handles Ctrl-C; other signals and the parent's end end it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Python's own worker waits forever for the next job of a parent that was killed."""
+    if (parent := parent_process()) is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextlib.contextmanager
@@ -99,12 +106,12 @@ def _processes(count: int) -> Iterator[Executor]:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Imported here with the attribute, which takes 15 ms.
     others = active_children()
-    pool = futures.ProcessPoolExecutor(count, get_context("spawn"), leave_signals_to_parent)
+    pool = futures.ProcessPoolExecutor(count, get_context("spawn"), set_up_worker)
     try:
         with pool:
             with signals_deferred():  # Each of the first jobs starts a process.
                 for _ in range(count):
-                    pool.submit(leave_signals_to_parent)
+                    pool.submit(os.getpid)
             try:
                 yield pool
             finally:
@@ -119,7 +126,7 @@ def _end_missed_workers(pool: Executor, others: Sequence[BaseProcess]) -> None:
     Python 3.11 misses one that starts while the pool breaks, and waits for it forever.
     """
     try:
-        pool.submit(leave_signals_to_parent)
+        pool.submit(os.getpid)
     except futures.BrokenExecutor:
         for child in active_children():
             if child not in others:
@@ -240,6 +247,7 @@ def run_jobs(
     """
     if executor is None:
         while (job := next_job()) is not None:
+            INTERRUPTS.check()
             keep(job())
         return
     running: set[Future[T]] = set()
@@ -249,6 +257,7 @@ def run_jobs(
                 running.add(executor.submit(job))
             if not running:
                 return
+            INTERRUPTS.check()
             for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
                 running.remove(future)
                 keep(future.result())
