@@ -37,7 +37,7 @@ class Interrupts:
     def __init__(self) -> None:
         self.working = False
         self._received, self._pending = 0.0, False
-        self._program, self._printed = "", False
+        self._program, self._printed = "throwplan", False
 
     def listen(self, program: str) -> None:
         """Handle the signals of this process; messages begin with the program's name."""
@@ -80,10 +80,11 @@ class Interrupts:
         return self._received > 0.0 or isinstance(error, KeyboardInterrupt)
 
     def end(self) -> int:
-        """Print once that the program was interrupted; returns the exit status."""
+        """Print that the program was interrupted, once for a process; returns the exit status."""
         self.working = False
         if not self._printed:
-            self._printed = True
+            # In a user's program, which calls a command, no signal is received here.
+            self._printed = self._received > 0.0
             with contextlib.suppress(OSError):
                 os.write(2, f"{self._program}: interrupted\n".encode())
         return INTERRUPTED
