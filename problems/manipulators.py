@@ -183,8 +183,10 @@ class Torque(Section):
         return tuple(arm.limits.torque[joint - 1] for joint in throwing_joints)
 
 
-def check_torque(torque: Torque, robot: Robot | None, arm: Arm | None) -> None:
+def check_torque(torque: Torque | None, robot: Robot | None, arm: Arm | None) -> None:
     """InputError for a scene without arm, an arm without masses, too few or many limits."""
+    if torque is None:
+        return
     if robot is None or arm is None:
         raise InputError("[torque]: only for a scene with [robot]")
     if not arm.links:

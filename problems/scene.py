@@ -105,9 +105,8 @@ class Scene(Section):
     @property
     def weights(self) -> Cost:
         """The weights in the optimisation: [cost], else those for little time if that is chosen."""
-        if self.cost is None and self.choice is not None and self.choice.by == "time":
-            return Cost().fast
-        return self.cost or Cost()
+        is_fast = self.choice is not None and self.choice.by == "time"
+        return self.cost or (Cost().fast if is_fast else Cost())
 
     def check(self) -> None:
         """Conditions between sections."""
@@ -132,7 +131,7 @@ class Scene(Section):
         for check in (
             self._check_grasp,
             self._check_dwell,
-            self._check_torque,
+            functools.partial(check_torque, self.torque, self.robot, self.arm),
             self._check_cup,
             self._check_spread,
             self._check_rest,
@@ -162,10 +161,6 @@ class Scene(Section):
                 f"[uncertainty] delay: its mean = {delay:g}: must be {-dwell:g} to {longest:g} s: "
                 "the command, earlier by it and the [gripper] dwell, must be inside the motion"
             )
-
-    def _check_torque(self) -> None:
-        if self.torque is not None:
-            check_torque(self.torque, self.robot, self.arm)
 
     def _check_spread(self) -> None:
         if self.uncertainty is not None:

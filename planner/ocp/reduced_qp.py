@@ -386,8 +386,7 @@ def _daqp_solver(rows: int, columns: int) -> Any:
 def _raise_curvatures(matrix: Array) -> Array:
     """The symmetric matrix with small and negative eigenvalues raised to `min_curvature`."""
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-    largest = float(np.abs(values).max(initial=0.0))
-    values = np.maximum(values, QP.min_curvature * max(largest, 1e-9))
+    values = np.maximum(values, QP.min_curvature * max(np.abs(values).max(initial=0.0), 1e-9))
     return np.asarray((vectors * values) @ vectors.T)
 
 

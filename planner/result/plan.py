@@ -285,11 +285,7 @@ class Plan:
             f"{result['time']['total']:.2f} s"
         )
         if self.robust:
-            lines.append(
-                f"  robust by {self.robust}: load on the pads at most "
-                f"{100 * (self.peak_load or 0.0):.1f} % of the full grip's friction limit,\n"
-                "    from when the grip may have fallen to a quarter"
-            )
+            lines.append(f"  {self._load_words}")
         for number, other in enumerate(result.get("alternatives", ()), start=1):
             moments = other["release"]
             flight = 1e3 * (moments["landing_time"] - moments["detach_time"])
@@ -307,6 +303,15 @@ class Plan:
                 f"{1e3 * grip.dwell:.1f} ms, opening {1e3 * grip.opening:.1f} ms"
             )
         return "\n".join(lines)
+
+    @property
+    def _load_words(self) -> str:
+        """The pads' load of a robust plan."""
+        return (
+            f"robust by {self.robust}: load on the pads at most "
+            f"{100 * (self.peak_load or 0.0):.1f} % of the full grip's friction limit,\n"
+            "    from when the grip may have fallen to a quarter"
+        )
 
     def error_sent(self) -> tuple[float, float]:
         """(position [m], angle [rad]) error of the deciding landing; NaN without a throw."""
