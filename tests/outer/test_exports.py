@@ -165,7 +165,7 @@ def test_options_that_do_not_fit(options, words, turned, tmp_path, refused, unto
 @pytest.mark.parametrize("width", [float("nan"), 80, -1, "wide", True, [0.08]])
 def test_widths_from_python(width, turned, tmp_path, untouched) -> None:
     untouched()
-    with pytest.raises(tp.InputError, match=r"--open-width = .*: must be"):
+    with pytest.raises(tp.InputError, match=r"open.width = .*: must be"):
         tp.export(turned[1], ros=tmp_path / "o", open_width=width)
 
 
