@@ -26,8 +26,8 @@ class SearchSettings:
     throws brought as near to the target as limits allow. same_distance: a throw within it of one
     that is kept is not kept. A target is out of reach if its `equal_landings` nearest landings have
     distances within a factor of `equal_ratio`; one within close_distance of the nearest landing may
-    be in reach of another motion, and is out of reach if the last `further_tries` led no nearer. An
-    approach that limits hold farther off than `hopeless` times the nearest landing ends.
+    be in reach of another motion, and is out of reach if `close_starts` sampled starts led nowhere.
+    An approach that limits hold farther off than `hopeless` times the nearest landing ends.
     """
 
     moves: int = 4
@@ -40,7 +40,7 @@ class SearchSettings:
     approaches: int = 2
     same_distance: float = 0.005
     close_distance: float = 0.03
-    further_tries: int = 3
+    close_starts: int = 5
     equal_landings: int = 2
     equal_ratio: float = 1.1
     hopeless: float = 3.0

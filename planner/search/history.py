@@ -116,12 +116,6 @@ class History:
         )
 
     @property
-    def tries_in_vain(self) -> int:
-        """The number of tries since the one that led to the nearest of `edges`."""
-        nearest, made = self.edges[0], [one.attempts for one in reversed(self.entries)]
-        return next(n for n, those in enumerate(made) if any(one is nearest for one in those))
-
-    @property
     def iterations(self) -> int:
         """Solver iterations of all tries."""
         return sum(attempt.iterations for attempt in self.attempts)

@@ -163,7 +163,7 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        The nearest landings are equal or, without a library, close and further tries lead nowhere
+        The nearest landings are equal or, without a library, close and further starts lead nowhere
         (`SearchSettings`).
         Landings from throws of earlier plans do not count, since these may be alike; but one new
         start that leads no nearer is enough beyond a target for which all starts ended there, and
@@ -178,7 +178,7 @@ class Search:
         least = history.edges[0].missed
         if not self._is_known(history.edges[0].edge):
             if least < SETTINGS.close_distance and not len(library):
-                if history.tries_in_vain < SETTINGS.further_tries:
+                if len(history.solves_from("samples")) < SETTINGS.close_starts:
                     return False
             elif not are_equal([one.missed for one in new] + known):
                 return False
