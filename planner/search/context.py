@@ -24,10 +24,11 @@ class SearchSettings:
     solutions for a region are corrected up to this multiple of the least cost. first_starts:
     sampled starts solved before throws beside the target are brought to it. approaches: solved
     throws brought as near to the target as limits allow. same_distance: a throw within it of one
-    that is kept is not kept. A target is out of reach if its `equal_landings` nearest landings have
-    distances within a factor of `equal_ratio`; one within close_distance of the nearest landing may
-    be in reach of another motion, and is out of reach if `close_starts` sampled starts led nowhere.
-    An approach that limits hold farther off than `hopeless` times the nearest landing ends.
+    that is kept is not kept. close_distance: a target within it of the nearest landing may be in
+    reach of another motion. A target is out of reach if its `equal_landings` nearest landings have
+    distances within a factor of `equal_ratio`, or if there is a nearest landing and `vain_starts`
+    sampled starts lead nowhere. An approach that limits hold farther off than `hopeless` times the
+    nearest landing ends.
     """
 
     moves: int = 4
@@ -40,7 +41,7 @@ class SearchSettings:
     approaches: int = 2
     same_distance: float = 0.005
     close_distance: float = 0.03
-    close_starts: int = 5
+    vain_starts: int = 5
     equal_landings: int = 2
     equal_ratio: float = 1.1
     hopeless: float = 3.0

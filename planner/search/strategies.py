@@ -163,8 +163,8 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        The nearest landings are equal or, without a library, close and further starts lead nowhere
-        (`SearchSettings`).
+        The nearest landings are equal and, without a library, not close, or many sampled starts
+        lead nowhere (`SearchSettings`).
         Landings from throws of earlier plans do not count, since these may be alike; but one new
         start that leads no nearer is enough beyond a target for which all starts ended there, and
         where the nearest throw of the library, or of its proven boundary, lands as near. No throw
@@ -177,10 +177,9 @@ class Search:
         known += [one.distance for one in library.nearest_of_boundary(task.target, task.turns, 1)]
         least = history.edges[0].missed
         if not self._is_known(history.edges[0].edge):
-            if least < SETTINGS.close_distance and not len(library):
-                if len(history.solves_from("samples")) < SETTINGS.close_starts:
-                    return False
-            elif not are_equal([one.missed for one in new] + known):
+            is_close = least < SETTINGS.close_distance and not len(library)
+            agree = not is_close and are_equal([one.missed for one in new] + known)
+            if not agree and len(history.solves_from("samples")) < SETTINGS.vain_starts:
                 return False
         clear = self.candidates.releases.clear
         known += [away for index, _, away in self.candidates.nearest if clear[index]]
