@@ -164,11 +164,11 @@ class Search:
         """Whether the target is out of reach.
 
         The nearest landings are equal and, without a library, not close, or many sampled starts
-        lead nowhere (`SearchSettings`).
-        Landings from throws of earlier plans do not count, since these may be alike; but one new
-        start that leads no nearer is enough beyond a target for which all starts ended there, and
-        where the nearest throw of the library, or of its proven boundary, lands as near. No throw
-        of the library, nor a sampled one that clears column and hand, lands nearer to the target.
+        lead nowhere (`SearchSettings`). Landings from throws of earlier plans do not count, since
+        these may be alike; but one new start that leads no nearer is enough beyond a target for
+        which all starts ended there, and where the nearest throw of the library, or of its proven
+        boundary, lands as near. No throw of the library, nor a sampled one that clears column and
+        hand, lands nearer to the target.
         """
         task, new, library = self.task, history.new_edges, self.context.library
         if not new:
