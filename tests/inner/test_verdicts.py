@@ -143,6 +143,7 @@ def test_throws_together_are_judged_as_each_by_itself(name: str, tmp_path) -> No
         assert 0 < slips.sum() < COUNT
 
 
+@pytest.mark.slow
 def test_obstacles_are_met_by_the_same_throws() -> None:
     """A ball above the planned flight, in the way of some of the others."""
     plan = tp.plan(tp.load_scene("pose").replace(uncertainty=ALL))

@@ -53,6 +53,7 @@ def test_margin_of_letting_go_at_rest() -> None:
     assert np.nanmax(found.margin) == pytest.approx(1 - use)
 
 
+@pytest.mark.slow
 def test_the_middle_of_full_bins_is_solved(pose) -> None:
     planner = tp.Planner(pose.scene)
     fullest = np.argsort(pose.landings, axis=None)[::-1]

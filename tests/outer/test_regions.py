@@ -186,6 +186,7 @@ def test_pictures_show_where_the_object_may_land(plan) -> None:
 # Scene files and the command line.
 
 
+@pytest.mark.slow
 def test_a_scene_file_gives_ranges(tmp_path, run) -> None:
     text = tp.scene_text("pose").replace("x = 1.2 ", "x = [1.15, 1.25] ")
     text = text.replace("theta_deg = 0.0 ", "theta_deg = [-20, 20] ")

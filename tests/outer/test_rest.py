@@ -95,6 +95,7 @@ def test_the_plan_says_how_often_the_object_stays_and_takes_the_throw_that_stays
     assert line in plain.summary() and line not in shallow.summary()
 
 
+@pytest.mark.slow
 def test_the_count_agrees_with_contacts_of_another_kind() -> None:
     """Springs and dampers, other steps and another cup; of bins in which some throws stay."""
     from oracle.rest import rests_in_cup
@@ -259,6 +260,7 @@ def test_a_plan_to_the_top_of_an_obstacle_counts_what_stays_on_it() -> None:
     assert "rests on table in" in plan.summary()
 
 
+@pytest.mark.slow
 def test_a_region_lets_the_planner_choose_a_landing_that_stays() -> None:
     """The bin of `examples/bin`: upright the bar topples out, leaning it stays."""
     scene = over_bin(rim=0.125, radius=0.075, depth=0.12)
