@@ -118,7 +118,8 @@ def plan(options: argparse.Namespace) -> int:
     text = found.summary() + written(options)
     if found.solved and len(found.alternatives) < alternatives:
         text += f"\n  found no more of {alternatives} alternatives: all starts lead to these throws"
-    print_result(options, found.to_dict(), text)
+    delay = {} if found.delay is None else {"delay": found.delay.to_dict()}
+    print_result(options, found.to_dict() | delay, text)
     return DONE if found.solved else fail(found.message)
 
 

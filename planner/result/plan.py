@@ -112,7 +112,8 @@ class Plan:
     def delay(self) -> DelayTolerance | None:
         """What an unknown delay of the gripper does to the throw.
 
-        None without a throw, and for a scene that knows the delay by its [uncertainty].
+        Made of some hundred throws, so `to_dict` leaves it out. None without a throw, and for a
+        scene that knows the delay by its [uncertainty].
         """
         section = self.scene.uncertainty
         if self.throw is None or not self.solved or (section is not None and section.delay):
@@ -174,8 +175,7 @@ class Plan:
             more["torque"] = {"use": use, "rate": torques.rate, "rate_limit": limit}
         if self.scene.notes:
             more["notes"] = list(self.scene.notes)
-        claims = {"calibration": self.calibrated, "rest": self.rests, "delay": self.delay}
-        for name, claim in claims.items():
+        for name, claim in (("calibration", self.calibrated), ("rest", self.rests)):
             if claim is not None:
                 more[name] = claim.to_dict()
         if self.robust:

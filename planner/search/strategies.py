@@ -67,7 +67,7 @@ class Search:
         """The warm plan's optimum, if it lands near enough."""
         warm, task = self.warm, self.task
         optimum = None if warm is None else self._optimum(warm)
-        if optimum is None or (warm and warm.deciding.scene.weights != task.scene.weights):
+        if optimum is None:
             return []
         near = Neighbour.of(optimum, task.target, task.scene)
         return [near] if near.distance < SETTINGS.warm_distance else []

@@ -29,7 +29,7 @@ SQUARE = 1 - 1e-6
 #: Rounding of a state [SI units] and of a frame's entries [m, 1].
 ROUNDING = 1e-9
 #: Share of [torque] rate that the jerks' limits leave to all else, and number of poses [-] at which
-#: the arm's inertia is looked at.
+#: the arm's inertia is computed.
 RATE_RESERVE, RATE_POSES = 0.1, 500
 
 

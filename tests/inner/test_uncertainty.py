@@ -89,7 +89,7 @@ def test_the_delay_that_a_throw_bears_is_that_of_a_sweep(plan_of, name) -> None:
     and the landing moves as these say."""
     plan = plan_of(name)
     borne = plan.delay
-    assert plan.to_dict()["delay"] == {"x": borne.x, "theta": borne.theta, **vars(borne.scan)}
+    assert borne.to_dict() == {"x": borne.x, "theta": borne.theta, **vars(borne.scan)}
     early, late = (0.05 if end is None else abs(end) for end in vars(borne.scan).values())
 
     def swept(low: float, high: float) -> tp.Sweep:
