@@ -111,7 +111,6 @@ def unlike_setup(known: Calibration, scene: Scene) -> Iterator[str]:
         if abs(here - there) > SAME * there:
             yield f"{name} is {here:.4g} {unit}".rstrip() + f", there {there:.4g} {unit}".rstrip()
     own = scene.contact
-    own = scene.contact
     if own.shape != known.shape:
         yield f"[contact] shape is {own.shape or 'left out'}, there {known.shape or 'left out'}"
     elif not np.allclose(own.coefficients, known.coefficients, rtol=SAME, atol=1e-6):
