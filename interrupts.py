@@ -30,13 +30,14 @@ class Interrupts:
     """The signal handler of a command.
 
     While the command works, a signal raises KeyboardInterrupt, which ends the work and cleans up; a
-    second signal ends the process at once. Before and after the work there is nothing to clean up:
-    the first signal ends the process. Set `working` when the work starts and ends.
+    signal more than `REPEATED` after it ends the process at once. Before and after the work there
+    is nothing to clean up: the first signal ends the process. Set `working` when the work starts
+    and ends.
     """
 
     def __init__(self) -> None:
         self.working = False
-        self._received, self._pending = 0.0, False
+        self._received, self._pending, self._accepted = 0.0, False, False
         self._program, self._printed = "throwplan", False
 
     def listen(self, program: str) -> None:
@@ -73,11 +74,12 @@ class Interrupts:
 
     def accept(self) -> None:
         """`check` raises no more: the caller has caught KeyboardInterrupt and goes on."""
-        self._pending = False
+        self._pending, self._accepted = False, True
 
     def is_cause(self, error: BaseException) -> bool:
         """Whether a signal caused the error; C code replaces KeyboardInterrupt by its own error."""
-        return self._received > 0.0 or isinstance(error, KeyboardInterrupt)
+        received = self._received > 0.0 and not self._accepted
+        return received or isinstance(error, KeyboardInterrupt)
 
     def end(self) -> int:
         """Print that the program was interrupted, once for a process; returns the exit status."""
@@ -113,6 +115,7 @@ def leave(status: int) -> None:
     ending = threading.Thread(target=atexit._run_exitfuncs, daemon=True)
     ending.start()
     ending.join(EXIT_TIME)
-    with contextlib.suppress(OSError, ValueError):
-        sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
     os._exit(status)

@@ -32,10 +32,14 @@ class ReadOnly:
     """Base of dataclasses that share their arrays: no one can write to these by accident."""
 
     def __post_init__(self) -> None:
-        """Arrays become views that cannot be written to, also in fields that are tables of them."""
+        """Arrays become views that cannot be written to, also in tables and tuples of them."""
         for name, value in vars(self).items():
             if isinstance(value, np.ndarray):
                 vars(self)[name] = read_only(value)
+            elif type(value) is tuple:
+                vars(self)[name] = tuple(
+                    read_only(one) if isinstance(one, np.ndarray) else one for one in value
+                )
             elif isinstance(value, dict):
                 arrays = {k: read_only(v) for k, v in value.items() if isinstance(v, np.ndarray)}
                 vars(self)[name] = value | arrays

@@ -61,8 +61,8 @@ T = TypeVar("T")
 def _alone(
     method: Callable[Concatenate[Planner, P], T],
 ) -> Callable[Concatenate[Planner, P], T]:
-    """A method during which other threads wait with theirs: solvers and the core have memory of
-    their own, one per planner."""
+    """A method during which other threads wait with theirs: the calls of a planner share the memory
+    of its solvers and of the core."""
 
     @functools.wraps(method)
     def waiting(self: Planner, /, *args: P.args, **kwargs: P.kwargs) -> T:
@@ -78,9 +78,9 @@ class Planner:
     scene: a `Scene`, a built-in name or a TOML file. library: whether plans start from the
     scene's solved throws in the cache (see `prepare`).
 
-    Any thread may call any method; calls wait for each other, and the wait is no part of a plan's
-    patience. To plan in parallel, use a planner per thread or process. A copy, or one that is
-    pickled, is a new planner of the same scene. Plans, and copies of them, fit every planner of
+    Any thread may call any method; those that solve wait for each other, and the wait is no part of
+    a plan's patience. To plan in parallel, use a planner per thread or process. A copy, or one that
+    is pickled, is a new planner of the same scene. Plans, and copies of them, fit every planner of
     their scene.
 
     Raises InputError for a scene without [hand] and [robot], and for a grip too weak to hold the
@@ -222,7 +222,8 @@ class Planner:
         if not mine or before is None:
             return plan
         target, started, clock = plan.target, time.perf_counter(), Clock.lasting(PATIENCE)
-        task = Task(self.scene.aimed_at(target), target, ("fatrop",), clock)
+        # The plan's own scene: its cup may stand elsewhere.
+        task = Task(plan.scene, target, ("fatrop",), clock)
         better = plan_from_warm(self._context, task, before)
         if better is None or better.throw is None or not better.throw.effort < before.effort:
             return plan
@@ -263,24 +264,22 @@ class Planner:
         return len(self.library)
 
     @property
-    @_alone
     def prepared(self) -> int:
         """Number of solved throws that plans may start from."""
         return len(self.library)
 
     @property
-    @_alone
     def library(self) -> Library:
         """The scene's solved throws that the cache has."""
         return self._context.library
 
     @check_arguments
-    @_alone
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
         target = _checked_target(self.scene, target)
         if self.scene.obstacle:
-            check_obstacles(self.scene.aimed_at(target), self.manipulator)
+            with self._lock:
+                check_obstacles(self.scene.aimed_at(target), self.manipulator)
         if self.scene.rest is not None:
             check_rest(self.scene.aimed_at(target))
         return target

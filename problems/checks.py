@@ -136,7 +136,10 @@ def _coerce(value: Any, hint: Any) -> Any:
     origin, parts = typing.get_origin(hint), typing.get_args(hint)
     if hint is npt.ArrayLike or origin is np.ndarray:
         kind = float if hint is npt.ArrayLike else typing.get_args(parts[1])[0]
-        return np.asarray(value).astype(kind, casting="same_kind")
+        array = np.asarray(value)
+        if array.dtype.kind == "b":
+            raise TypeError
+        return array.astype(kind, casting="same_kind")
     if origin in UNIONS:
         for option in parts:
             with contextlib.suppress(TypeError, ValueError):

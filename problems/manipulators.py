@@ -159,8 +159,8 @@ class Torque(Section):
     Without this section the arm's own limits hold, and enter the NLP after a throw has broken them;
     with it they are in the NLP from the start. The torques neglect friction and rotors of the
     drives, and the joints that hold the posture. A `rate` lowers the jerk limits of all throwing
-    joints by one factor, from which on the inertia of the arm cannot exceed nine tenths of it; the
-    verdict checks the rate itself.
+    joints by one factor, by which the inertia of the arm takes nine tenths of it at the worst of
+    500 random poses; the verdict checks the rate itself.
     """
 
     limits: tuple[float, ...] | None = optional(

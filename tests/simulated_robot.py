@@ -90,6 +90,7 @@ class SimulatedHand:
         self.robot, self.width_at, self.opens, self.holds = robot, width_at, opens, holds
         self.orders: list[tuple[str, float]] = []
         self.ordered: int | None = None
+        self.late = 0.0
         self.states = [self.state()]
 
     def state(self) -> GripperState:
@@ -98,6 +99,9 @@ class SimulatedHand:
         open_now = self.ordered is not None and self.opens and tick > self.ordered + 30
         width = 0.08 if open_now else self.width_at(tick)
         return GripperState(width, 0.08, self.holds and not open_now, TICK * tick)
+
+    #: It is homed.
+    homed_state = state
 
     def order(self, command: str, *values: float, after: float = 0.0) -> None:
         """Take an order."""

@@ -11,6 +11,7 @@ import functools
 import hashlib
 import os
 import platform
+import re
 import secrets
 import shutil
 import stat
@@ -24,8 +25,8 @@ from pathlib import Path
 
 #: Characters of a sum.
 SUM = 24
-#: How names of scratch folders begin, before the number of their process.
-SCRATCH = f"tmp-{platform.node()}-"
+#: Numbers of processes are those of a namespace of the host: containers have their own.
+NAMESPACE = Path("/proc/self/ns/pid")
 #: What reading a damaged NPZ file may raise.
 DAMAGED = (
     *(OSError, ValueError, KeyError, IndexError, TypeError, EOFError, RuntimeError),
@@ -61,14 +62,24 @@ def _delete_abandoned(folder: Path) -> None:
     """
     if os.name != "posix":
         return
-    for scratch in (*folder.glob(f"{SCRATCH}*"), *folder.glob(f"*/{SCRATCH}*")):
-        process = scratch.name.removeprefix(SCRATCH).split("-")[0]
+    own = re.compile(re.escape(_scratch_names()) + r"(\d+)-[0-9a-f]{12}")
+    for scratch in (*folder.glob("tmp-*"), *folder.glob("*/tmp-*")):
+        found = own.fullmatch(scratch.name)
+        if found is None:
+            continue
         try:
-            os.kill(int(process), 0)
+            os.kill(int(found[1]), 0)
         except ProcessLookupError:
             shutil.rmtree(scratch, ignore_errors=True)
-        except (OSError, ValueError, OverflowError):
+        except (OSError, OverflowError):
             continue
+
+
+@functools.cache
+def _scratch_names() -> str:
+    """How names of this host's scratch folders begin, before the number of their process."""
+    space = NAMESPACE.stat().st_ino if NAMESPACE.exists() else 0
+    return f"tmp-{platform.node()}-{space}-"
 
 
 @contextmanager
@@ -77,7 +88,7 @@ def scratch_folder(parent: Path) -> Iterator[Path]:
 
     `tempfile.TemporaryDirectory` leaves its folder if a signal meets it while it deletes.
     """
-    scratch = parent / f"{SCRATCH}{os.getpid()}-{secrets.token_hex(6)}"
+    scratch = parent / f"{_scratch_names()}{os.getpid()}-{secrets.token_hex(6)}"
     try:
         try:
             scratch.mkdir(0o700)

@@ -7,6 +7,7 @@ joints as they are measured on the way.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -135,9 +136,14 @@ class Session:
         if rest is not None and self._directions:
             rest.step(np.zeros(len(self._directions[0].change)))
 
+    def __copy__(self) -> Session:
+        """A deep copy: a session learns."""
+        return copy.deepcopy(self)
+
     def __getstate__(self) -> dict[str, Any]:
         """The state of a copy, which has a lock of its own."""
-        return {name: value for name, value in vars(self).items() if name != "_lock"}
+        with self._lock:
+            return {name: value for name, value in vars(self).items() if name != "_lock"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """A copy builds its NLP anew."""

@@ -138,18 +138,21 @@ class Expectations:
         }
 
     @property
+    def swept_words(self) -> str:
+        """The space that the arm sweeps, as a line for people."""
+        if self.swept is None:
+            return "  the arm file has no capsules: the space that the arm sweeps is not known"
+        words = f"  arm, hand and held object sweep {_range_words(self.swept)}"
+        if self.swept[0, 0] < 0.0:
+            words += f", {-self.swept[0, 0]:.2f} m behind the base's axis"
+        return words
+
+    @property
     def words(self) -> str:
-        """The same as lines for people."""
+        """All of it as lines for people."""
         mass, com = self.load
         torque, force = self.thresholds
-        lines = ["the arm file has no capsules: the space that the arm sweeps is not known"]
-        if self.swept is not None:
-            lines = [f"arm, hand and held object sweep {_range_words(self.swept)}"]
-            if self.swept[0, 0] < 0.0:
-                lines[0] += f", {-self.swept[0, 0]:.2f} m behind the base's axis"
-        lines.append(
-            f"the object flies through {_range_words(self.flown)}, and on after its landing"
-        )
+        lines = [f"the object flies through {_range_words(self.flown)}, and on after its landing"]
         place = ", ".join(f"{value:.3f}" for value in com.round(3) + 0.0)
         lines.append(f"load to set: {mass:g} kg, CoM at [{place}] m from the flange (F_x_Cload)")
         if torque:
@@ -158,7 +161,7 @@ class Expectations:
                 f"collision thresholds: above {limits} and {force:.0f} N, by which the controller "
                 "errs once the object has left the hand; what its model errs comes on top"
             )
-        return "\n".join(f"  {line}" for line in lines)
+        return "\n".join([self.swept_words, *(f"  {line}" for line in lines)])
 
 
 def _ranges(ends: Array) -> dict[str, list[float]]:

@@ -17,8 +17,8 @@ from ...models.robot import Arm
 from ...problems import InputError, load_arm
 from ..workers import check_host
 from .controller_files import is_franka
-from .gripper import OPEN_WIDTH, GripperLink, GripperState
 from .gripper import PORT as GRIPPER_PORT
+from .gripper import GripperLink, GripperState
 
 #: TCP ports of robot and gripper.
 PORTS = (1337, GRIPPER_PORT)
@@ -88,14 +88,7 @@ class Franka:
             raise InputError(f"{self.host}: moves ({moving:.2f} rad/s), must be at rest: wait")
         check_arm(self.host, arm)
         _check_flange(self.host, arm, state)
-        gripper = self.gripper.state()
-        if gripper.max_width < OPEN_WIDTH / 2:
-            width = 1e3 * gripper.max_width
-            raise InputError(
-                f"{self.host}: its gripper is not homed, or opens by {width:.0f} mm only: home it "
-                "in Desk"
-            )
-        return q, gripper
+        return q, self.gripper.homed_state()
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, Trajectory
 from ...models.robot import Arm
 from ...problems import InputError, ThrowPlane
 from ..clearance import BAR, CollisionScene
@@ -29,7 +29,8 @@ GRIPPER_ENDS = 10.0
 GRIP_FORCE = 70.0
 #: Allowed difference [m] of the grasped width from the first one, smaller and larger.
 GRASP_TOLERANCE = 0.005
-#: Speed [m/s] of the fastest point of arm and hand in a rehearsal: reduced speed, ISO 10218-1.
+#: Speed [m/s] of the fastest end of the capsules of arm, hand and held bar in a rehearsal: reduced
+#: speed, ISO 10218-1.
 REHEARSAL_SPEED = 0.25
 
 
@@ -49,9 +50,12 @@ def throws(
         grasp, way = grasp or gripper, approach(sent, start)
         ask(
             f"{_approach_words(franka, sent, start)}, then the throw in {sent.times[-1]:.2f} s; "
-            f"the gripper {_closes(gripper, grasp)}\n{Expectations(sent, way).words}"
+            f"the gripper {_closes(gripper, grasp)}\n{Expectations(sent, way).words}\n"
+            "  Python sends it, and misses cycles on a busy machine: for throws in earnest take "
+            "the C++ program of export --franka"
         )
-        if not _equal(gripper, grasp):
+        # The object may have been lost while a person answered.
+        if not _equal(franka.gripper.state(), grasp):
             _close_again(franka.gripper, grasp)
         recording = play(franka, sent, way)
         yield recording
@@ -65,52 +69,55 @@ def rehearse(
 ) -> Recording:
     """Send the motion slowly, with an empty hand that stays closed.
 
-    Its time is stretched until no point of arm and hand is faster than `REHEARSAL_SPEED`.
-    InputError for a gripper that holds something, besides those of `throws`.
+    On the way to the start pose, too, arm and hand keep `REHEARSAL_SPEED`. InputError for a gripper
+    that holds something, besides those of `throws`.
     """
     start, gripper = franka.check(plan.arm)
     if gripper.holds:
         raise InputError(f"{franka.host}: --rehearse: the gripper holds an object: take it out")
-    slow, way = slowed(sent), approach(sent, start)
+    if sent.throw.manipulator.capsules is None:
+        raise InputError("--rehearse: the arm file has no capsules, so its speed is not known")
+    way = approach(sent, start)
+    slow_way, slow = _slowed(sent, way), _slowed(sent, sent.q)
     ask(
-        f"{_approach_words(franka, sent, start)}, then the motion {_stretch(sent):.1f} times as "
-        f"slow, in {TICK * (len(slow) - 1):.1f} s; the gripper stays {1e3 * gripper.width:.0f} mm "
-        f"open\n{Expectations(sent, way).words}"
+        f"{_approach_words(franka, sent, start)} in {TICK * (len(slow_way) - 1):.1f} s, then the "
+        f"motion {(len(slow) - 1) / (len(sent.q) - 1):.1f} times as slow, in "
+        f"{TICK * (len(slow) - 1):.1f} s; the gripper stays {1e3 * gripper.width:.0f} mm open\n"
+        f"{Expectations(sent, way).swept_words}"
     )
-    return _send(franka, way, slow, Watch(franka.gripper, gripper))
+    return _send(franka, slow_way, slow, Watch(franka.gripper, gripper))
 
 
-def slowed(motion: JointMotion) -> Array:
-    """The path of a motion at `REHEARSAL_SPEED`: joints (N, joints) [rad] every millisecond."""
-    stretch, throw = _stretch(motion), motion.throw
-    path = throw.samples.path
-    q, dq, ddq = path.at(np.arange(0.0, path.end + TICK / stretch, TICK / stretch))
-    samples = Samples(q.T, dq.T / stretch, ddq.T / stretch**2)
-    return JointMotion.of(dataclasses.replace(throw, samples=samples)).q
-
-
-def _stretch(motion: JointMotion) -> float:
-    """How many times as slow a rehearsal is."""
-    return max(float(motion.throw.measured.speed.value) / REHEARSAL_SPEED, 1.0)
+def _slowed(motion: JointMotion, q: Array) -> Array:
+    """Joints q (N, joints) [rad] every millisecond, with times stretched to `REHEARSAL_SPEED`."""
+    times = np.arange(len(q)) * np.float64(TICK)
+    ends = swept_bodies(motion, q, times).ends
+    fastest = np.linalg.norm(np.diff(ends, axis=3), axis=2).max(initial=0.0) / TICK
+    stretch = max(float(fastest) / REHEARSAL_SPEED, 1.0)
+    if stretch == 1.0:
+        return q
+    slow = np.arange(0.0, times[-1] + TICK / stretch, TICK / stretch)
+    return Trajectory.through(times, q).at(np.minimum(slow, times[-1])).pose.T
 
 
 def play(franka: Franka, motion: JointMotion, way: Array) -> Recording:
     """Move along `way` (N, joints) [rad] to the motion's start; throw; record.
 
-    If the object is lost before the opening command, the arm brakes at once, and the gripper gets
-    no command. A gripper that does not open needs no other motion: after the opening it is the
-    brake. Both are the recording's `trouble`. InputError for errors of the controller, and if the
-    arm does not come to rest at the goal.
+    If the object is lost, or the gripper's connection fails, before the opening command, the arm
+    brakes at once, and the gripper gets no command. A gripper that does not open needs no other
+    motion: after the opening it is the brake. All are the recording's `trouble`. InputError for
+    errors of the controller, and if the arm does not come to rest at the goal.
     """
     watch = Watch(franka.gripper, franka.gripper.state(), motion)
     recording = _send(franka, way, motion.q, watch)
-    return dataclasses.replace(recording, trouble=watch.lost or watch.unopened())
+    trouble, ordered = watch.trouble or watch.unopened(), watch.command_time + franka.gripper.late
+    return dataclasses.replace(recording, trouble=trouble, command_time=ordered)
 
 
 def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
     """Move along `way` to the start, then send q, both (N, joints) [rad] every millisecond.
 
-    InputError for an object that is lost on the way.
+    InputError for an object that is lost, or a gripper that fails, on the way.
     """
     gc.disable()
     try:
@@ -121,13 +128,13 @@ def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
             # The commands are made before the stream begins.
             first, then = stream.commands(way), stream.commands(q)
             seen, sent = stream.send(first, way, watch.approach)
-            if not watch.lost:
+            if not watch.trouble:
                 seen, sent = stream.send(then, q, watch.cycle)
             stream.end(sent[-1])
     finally:
         gc.enable()
     if sent is way:
-        raise InputError(f"{franka.host}: {watch.lost}")
+        raise InputError(f"{franka.host}: {watch.trouble}")
     times = np.array([elapsed for elapsed, _ in seen])
     rows = np.minimum(np.rint(times / TICK).astype(int), len(sent) - 1)
     known = np.searchsorted([time for time, _ in watch.widths], times, "right") - 1

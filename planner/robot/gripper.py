@@ -64,6 +64,7 @@ class GripperLink:
         self.host, context = host, multiprocessing.get_context("spawn")
         self.states: list[GripperState] = []
         self.ordered: float | None = None
+        self._due = 0.0
         self._result: int | None = None
         self._pipe, other = context.Pipe()
         self._process = context.Process(target=_serve, args=(host, other), daemon=True)
@@ -75,7 +76,19 @@ class GripperLink:
         """Send `grasp` (width, inner and outer tolerance, speed, force) or `move` (width, speed)
         in `after` [s]."""
         self.states, self.ordered, self._result = self.states[-1:], None, None
-        self._pipe.send((time.monotonic() + after, command, values))
+        self._due = time.monotonic() + after
+        try:
+            self._pipe.send((self._due, command, values))
+        except OSError:
+            raise self._failure("the connection ended") from None
+
+    @property
+    def late(self) -> float:
+        """How much later than asked for the last order went out [s]; 0 while that is not known."""
+        return 0.0 if self.ordered is None else self.ordered - self._due
+
+    def _failure(self, words: str) -> InputError:
+        return InputError(f"{self.host}: gripper: {words}: see Desk for its state")
 
     def update(self, patience: float = 0.0) -> bool:
         """Take what has arrived, and wait up to `patience` [s] for the first; whether there was
@@ -88,7 +101,7 @@ class GripperLink:
             except (EOFError, ConnectionError):
                 kind, value = "error", "the connection ended"
             if kind == "error":
-                raise InputError(f"{self.host}: gripper: {value}: see Desk for its state")
+                raise self._failure(value)
             if kind == "state":
                 self.states.append(value)
             elif kind == "ordered":
@@ -107,6 +120,17 @@ class GripperLink:
                     "Franka's address"
                 )
         return self.states[-1]
+
+    def homed_state(self) -> GripperState:
+        """The next state that arrives; InputError for a gripper that is not homed."""
+        now = self.state()
+        if now.max_width < OPEN_WIDTH / 2:
+            width = 1e3 * now.max_width
+            raise InputError(
+                f"{self.host}: its gripper is not homed, or opens by {width:.0f} mm only: home it "
+                "in Desk"
+            )
+        return now
 
     def result(self, patience: float) -> str:
         """What became of the last order, empty while it goes on after `patience` [s]."""
@@ -151,7 +175,8 @@ def _serve(host: str, pipe: Connection) -> None:
 def _connect(orders: socket.socket, port: int) -> None:
     """Say to which UDP port states go; _ProtocolError by a gripper of another protocol."""
     orders.sendall(_message("connect", 0, struct.pack("<HH", VERSION, port)))
-    status, version = struct.unpack_from("<HH", _received(orders)[1])
+    _, payload = _received(orders)
+    status, version = struct.unpack_from("<HH", payload.ljust(4, b"\xff"))
     if status:
         raise _ProtocolError(f"its protocol has version {version}, must be {VERSION}")
 
@@ -162,9 +187,13 @@ def _forward(pipe: Connection, orders: socket.socket, states: socket.socket) -> 
     number = 0
     inputs: list[Any] = [pipe, orders, states]
     while True:
-        left = max(waiting[0][0] - time.monotonic(), 0.0) if waiting else None
+        # `wait` rounds its time up to a millisecond: the last one is slept.
+        left = max(waiting[0][0] - time.monotonic() - 1e-3, 0.0) if waiting else None
         ready: list[Any] = wait(inputs, left)
         now = time.monotonic()
+        if waiting and waiting[0][0] < now + 1e-3:
+            time.sleep(max(waiting[0][0] - now, 0.0))
+            now = time.monotonic()
         if waiting and waiting[0][0] <= now:
             orders.sendall(waiting.pop(0)[1])
             pipe.send(("ordered", now))

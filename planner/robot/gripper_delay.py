@@ -150,10 +150,7 @@ def measure_gripper(
     check_port(host, PORT)
     link = GripperLink(host)
     try:
-        now = link.state()
-        if now.max_width < OPEN_WIDTH / 2:
-            width = 1e3 * now.max_width
-            raise InputError(f"{host}: its gripper is not homed ({width:.0f} mm): home it in Desk")
+        now = link.homed_state()
         if now.holds:
             raise InputError(f"{host}: its gripper holds something: take it out")
         ask(f"the gripper at {host} closes and opens {times} times")

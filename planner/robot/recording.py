@@ -35,7 +35,8 @@ class Recording(ReadOnly):
 
     times (N,) [s] of the robot's clock, 0 where the first sample went out; q, dq [rad, rad/s]
     measured and sent [rad] commanded, each (N, joints); width (N,) [m] of the gripper as it was
-    last known; command_time [s]: when the opening command went out.
+    last known; command_time [s]: when the opening command went out, NaN if it did not; trouble:
+    what went wrong, in words, empty if nothing did.
     """
 
     times: Array

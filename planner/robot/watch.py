@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from ...models import Array
+from ...problems import InputError
 from ..throw import TICK, Samples, braked
 from ..verdict import held_verdict
 from .controller_files import JointMotion
@@ -35,7 +38,9 @@ class Watch:
     def __init__(
         self, gripper: GripperLink, before: GripperState, motion: JointMotion | None = None
     ) -> None:
-        self.gripper, self.before, self.lost = gripper, before, ""
+        self.gripper, self.before = gripper, before
+        #: What went wrong, in words; empty while nothing has.
+        self.trouble = ""
         #: Of the robot's clock [s], 0 at the first sample; NaN while no command is given.
         self.command_time = math.nan
         self.widths = [(0.0, before.width)]
@@ -44,42 +49,69 @@ class Watch:
 
     def approach(self, elapsed: float) -> None:
         """Called in each cycle of the way to the start pose: look at the width."""
-        if self.gripper.update() and not self.lost:
+        if self._has_report() and not self.trouble:
             self._look("on the way to the start pose", "nothing was thrown")
 
     def cycle(self, elapsed: float) -> Stop | None:
         """Called in each cycle: order the opening in that of its command, and look at the width.
 
-        Returns where to stop if the object is lost.
+        Returns where to stop if the object is lost, or the gripper fails.
         """
-        if math.isnan(self.command_time) and not self.lost and elapsed + TICK > self._due:
+        if self._is_waiting and elapsed + TICK > self._due:
             # The gripper's process waits for the rest of the cycle.
             wait = max(self._due - elapsed, 0.0)
-            self.gripper.order("move", OPEN_WIDTH, SPEED, after=wait)
-            self.command_time = elapsed + wait
-        if not self.gripper.update():
+            with self._failures():
+                self.gripper.order("move", OPEN_WIDTH, SPEED, after=wait)
+                self.command_time = elapsed + wait
+        was_waiting = self._is_waiting
+        if self._has_report():
+            self.widths.append((elapsed, self.gripper.states[-1].width))
+        elif not self.trouble:
             return None
-        self.widths.append((elapsed, self.gripper.states[-1].width))
-        if self.lost or not math.isnan(self.command_time):
+        if not was_waiting:
             return None
         sample = round(elapsed / TICK) + NOTICE
         ahead = next((stop for stop in self._stops if stop.sample >= sample), None)
-        if ahead is not None:
+        if ahead is not None and not self.trouble:
             self._look(f"{elapsed:.2f} s after the start", "the arm braked without an opening")
-        return ahead if self.lost else None
+        return ahead if self.trouble else None
+
+    @property
+    def _is_waiting(self) -> bool:
+        """Whether the opening command is still to come."""
+        return math.isnan(self.command_time) and not self.trouble
+
+    def _has_report(self) -> bool:
+        """Whether a width has arrived."""
+        with self._failures():
+            return self.gripper.update()
+        return False
+
+    @contextlib.contextmanager
+    def _failures(self) -> Iterator[None]:
+        """Keeps a failure of the gripper's connection in words: the arm must come to rest."""
+        try:
+            yield
+        except InputError as error:
+            self.trouble = self.trouble or str(error)
 
     def _look(self, when: str, then: str) -> None:
         """Keep in words that the gripper has lost the object, if it has."""
         now, before = self.gripper.states[-1], self.before
         if abs(now.width - before.width) < MOVED and now.holds >= before.holds:
             return
-        self.lost = (
-            f"the object was lost {when}: the gripper went from {1e3 * before.width:.0f} to "
-            f"{1e3 * now.width:.0f} mm; {then}: grasp it better"
-        )
+        what = f"went from {1e3 * before.width:.0f} to {1e3 * now.width:.0f} mm"
+        self.trouble = f"the object was lost {when}: the gripper {what}; {then}: grasp it better"
+        if math.isinf(self._due):
+            self.trouble = f"the gripper moved by itself: it {what}: see Desk for its state"
 
     def unopened(self) -> str:
         """What is wrong with a gripper that has not opened after its command, in words."""
+        with self._failures():
+            return self._unopened()
+        return self.trouble
+
+    def _unopened(self) -> str:
         states = self.gripper.states
         end = states[-1].time + UNOPENED
         while max(state.width for state in states) < self.before.width + MOVED:

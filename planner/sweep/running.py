@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -78,9 +77,11 @@ def sweep_until_stopped(
     numbers, values, landings = parts
     shares = [variance_shares(values, landings.pose[:, column]) for column in (0, 1)]
     rests = None
-    with suppress(KeyboardInterrupt):
+    try:
         if plan.scene.rest is not None:
             rests = Entries.of(judge, values[:RESTED], seed).count(judge.batch.scene)
+    except KeyboardInterrupt:
+        INTERRUPTS.accept()
     return Sweep(
         plan,
         judge.batch,

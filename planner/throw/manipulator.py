@@ -93,7 +93,7 @@ EXACT_HAND = HandError()
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class State(ReadOnly):
     """A motion at an instant: joints, rates and accelerations, each (n,), of the throwing joints
     [rad, rad/s, rad/s^2]; of a hand x, z and, where it turns, theta [m, rad and per s, s^2]."""
 
@@ -264,7 +264,7 @@ def _arm_manipulator(scene: Scene) -> Manipulator:
 
 
 def _with_torque_rate(scene: Scene, kinematics: PlanarArm, limits: Limits) -> Limits:
-    """The limits with jerks from which on the arm's inertia keeps [torque] rate.
+    """The limits with jerks by which the arm's inertia keeps [torque] rate in random poses.
 
     The torque of a joint changes with the jerks by its row of the mass matrix, at worst by the sum
     of their sizes; gravity, velocities and the object's release get `RATE_RESERVE`.

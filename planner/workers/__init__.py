@@ -139,21 +139,22 @@ def _cluster(address: str) -> Iterator[Executor]:
     found = re.fullmatch(r"(?:(tcp|tls)://)?(\[.+\]|[^/:]+):(\d{1,5})", address)
     if found is None:
         raise InputError(f"{place}: must be like tcp://host:8786")
-    tls = None
+    connection: dict[str, Any] = {}
     if found[1] == "tls":
-        tls = _load_dask(place).Security().get_connection_args("client").get("ssl_context")
-        if tls is None:
+        connection = _load_dask(place).Security().get_connection_args("client")
+        if connection.get("ssl_context") is None:
             raise InputError(
                 f"{place}: needs certificates: distributed.comm.tls of Dask's settings"
             )
     host = found[2].strip("[]")
     check_host(place, host)
-    _check_scheduler(place, host, int(found[3]), tls)
+    _check_scheduler(place, host, int(found[3]), connection.get("ssl_context"))
     distributed = _load_dask(place)
     try:
         # In a thread: a notebook's has an event loop of its own.
         with futures.ThreadPoolExecutor(1) as thread:
-            role = thread.submit(asyncio.run, _dask_role(distributed, address)).result()
+            asked = _dask_role(distributed, address, connection)
+            role = thread.submit(asyncio.run, asked).result()
         if role != "Scheduler":
             raise InputError(f"{place}: what answers there is no Dask scheduler but a {role}")
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
@@ -194,10 +195,10 @@ def check_host(place: str, host: str) -> None:
     raise InputError(f"{place}: must be the name or the address of a machine")
 
 
-async def _dask_role(distributed: Any, address: str) -> str:
+async def _dask_role(distributed: Any, address: str, connection: dict[str, Any]) -> str:
     """The part of Dask that answers there: its client would wait long for a worker."""
     async with asyncio.timeout(PATIENCE):
-        comm = await distributed.core.connect(address)
+        comm = await distributed.core.connect(address, **connection)
         await comm.write({"op": "identity"})
         role = str((await comm.read()).get("type"))
         comm.abort()

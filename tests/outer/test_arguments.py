@@ -196,6 +196,7 @@ MISTAKES: list[tuple[Call, str]] = [
         "friction = nan: must be a finite number",
     ),
     (lambda pl, p: tp.throw_data([p]).picked([1]), "numbers: must be below 1"),
+    (lambda pl, p: tp.throw_data([p]).picked(np.array([True])), r"numbers = array\(\[ True\]\)"),
     (lambda pl, p: tp.identify(tp.throw_data([p])), "throw-1: has no landing"),
     (lambda pl, p: tp.identify("data"), "data = 'data': must be ThrowData"),
     (

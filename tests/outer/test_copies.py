@@ -51,7 +51,7 @@ def test_a_copied_planner_takes_plans_of_its_scene(copied, solved, pose_planner)
     assert planner.follow(solved).throw.landing.pose == solved.throw.deciding.landing.pose
 
 
-@pytest.mark.parametrize("copied", COPIES[:2])
+@pytest.mark.parametrize("copied", COPIES)
 @pytest.mark.parametrize("shift", [0.004, 0.3])
 def test_a_copied_session_goes_on_as_the_session_does(copied, shift, solved, pose_planner) -> None:
     """Also one that has stopped."""
@@ -63,6 +63,17 @@ def test_a_copied_session_goes_on_as_the_session_does(copied, shift, solved, pos
     other, k = copied(session), ends + 10
     one, two = (s.update(k / 1000, samples.q[k], samples.dq[k], target) for s in (session, other))
     assert one.status == two.status and one.off == two.off and (one.q == two.q).all()
+
+
+def test_a_plan_is_polished_for_its_own_cup(plan_of) -> None:
+    """Not for that of a planner whose cup stands elsewhere."""
+    plan = plan_of("near-cup")
+    cup = plan.scene.cup
+    other = plan.scene.replace(cup=cup.changed(x=cup.x + 0.008))
+    moved = tp.Planner(other, library=False).plan(plan.target, warm=plan)
+    polished = tp.Planner(plan.scene, library=False).polish(moved)
+    assert moved.solved and polished.solved
+    assert polished.scene.cup.x == moved.scene.cup.x == pytest.approx(cup.x + 0.008)
 
 
 def test_plans_of_other_scenes_are_no_warm_plans(solved, pose_planner) -> None:
@@ -131,6 +142,9 @@ HANDED_OUT: dict[str, Callable[..., Any]] = {
         dataclasses.replace(plan.target, x=plan.target.x + 0.002), warm=plan
     ),
     "pickled": lambda planner, plan, folder: pickle.loads(pickle.dumps(plan)).throw.deciding,
+    "moving": lambda planner, plan, folder: planner.plan(
+        start=tp.State(*(getattr(plan.throw.samples, k)[5] for k in ("q", "dq", "ddq"))), warm=plan
+    ),
     "path": lambda planner, plan, folder: plan.path(),
     "session": lambda planner, plan, folder: planner.follow(plan).throw,
     "update": lambda planner, plan, folder: planner.follow(plan).update(

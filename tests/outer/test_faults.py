@@ -300,6 +300,29 @@ def test_no_worker_or_compiler_outlives_its_parent(
     assert not list(folder.iterdir())
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [1.5, 3.0, 5.0])
+def test_a_killed_prepare_leaves_nothing_behind_the_next_start(after, tmp_path) -> None:
+    process = started("prepare hand-box --throws 3000 --workers 2", tmp_path)
+    time.sleep(after)
+    process.kill()
+    process.communicate(timeout=60)
+    assert not left(tmp_path)
+    again = started("prepare hand-box --throws 20 --json", tmp_path)
+    out, error = again.communicate(timeout=120)
+    assert again.returncode == 0 and json.loads(out)["throws"] >= 20, error
+    assert not list((tmp_path / "cache").rglob("tmp-*"))
+    assert not list((tmp_path / "tmp").iterdir()) and not left(tmp_path)
+
+
+def test_the_end_of_a_process_flushes_its_output() -> None:
+    code = "from throwplan.interrupts import leave; print('printed'); leave(3)"
+    environment = os.environ | {"PYTHONUNBUFFERED": ""}
+    order = [sys.executable, "-c", code]
+    found = subprocess.run(order, capture_output=True, env=environment, check=False)
+    assert (found.returncode, found.stdout) == (3, b"printed\n")
+
+
 #: Long commands, and the seconds in which each is interrupted five times.
 LONG = {
     "plan cup --out out": 3.0,

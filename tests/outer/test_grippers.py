@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
@@ -163,6 +164,39 @@ def test_an_object_lost_before_the_start_pose_is_not_thrown(motion) -> None:
     assert not franka.gripper.orders
 
 
+@pytest.mark.parametrize(("after", "brakes"), [(-400, False), (60, True), (230, False)])
+def test_a_gripper_that_fails_leaves_no_arm_in_motion(motion, monkeypatch, after, brakes) -> None:
+    """On the way to the start pose, before the opening command, and after it."""
+    franka = simulated()
+    end = len(approach(motion, franka.robot.q)) + 100 + after
+    update = franka.gripper.update
+
+    def failing(patience: float = 0.0) -> bool:
+        if franka.robot.tick > end:
+            raise InputError("host: gripper: the connection ended: see Desk for its state")
+        return update(patience)
+
+    monkeypatch.setattr(franka.gripper, "update", failing)
+    if after < 0:
+        with pytest.raises(InputError, match="the connection ended"):
+            one_throw(franka, motion)
+    else:
+        (recording,), _ = one_throw(franka, motion)
+        assert "the connection ended" in recording.trouble and "\n" not in recording.trouble
+        assert math.isnan(recording.command_time) == brakes == (not franka.gripper.orders)
+    sent = np.array(franka.robot.sent)
+    assert within_limits(sent, motion) and franka.robot.finished
+
+
+def test_an_object_lost_while_one_is_asked_is_not_thrown(motion) -> None:
+    width = {"now": 0.02}
+    franka = simulated(lambda tick: width["now"])
+    franka.gripper.result = lambda patience: "done"
+    with pytest.raises(InputError, match="its gripper holds nothing: put the object between"):
+        next(throws(franka, motion, motion, lambda words: width.update(now=0.0)))
+    assert not franka.robot.sent
+
+
 def test_a_throw_in_order_has_no_trouble(motion) -> None:
     franka = simulated()
     recordings = throws(franka, motion, motion, lambda words: None)
@@ -185,11 +219,20 @@ def test_a_rehearsal_opens_nothing_and_is_slow(motion) -> None:
     way = np.abs(motion.q[:, None, :] - slow[None, ::50, :]).max(axis=2).min(axis=0)
     assert way.max() < 0.01
     assert sent[-1] == pytest.approx(motion.q[-1], abs=1e-6)
-    peak = np.abs(np.diff(sent[-len(recording.sent) :], axis=0)).max() / TICK
-    planned = np.abs(motion.dq).max()
-    fastest = motion.throw.measured.speed.value
-    assert peak / planned == pytest.approx(0.25 / fastest, rel=0.01)
-    assert "times as slow" in asked[0] and "sweep" in asked[0]
+    # All joints' frames, flange and pads, on the way to the start pose as well.
+    places = motion.arm.frames
+    joints = ca.SX.sym("q", motion.arm.joints)
+    origins = ca.Function("origins", [joints], [ca.vertcat(*(f[:3, 3] for f in places(joints)))])
+    speeds = np.diff(np.array(origins(sent.T)).T.reshape(len(sent), -1, 3), axis=0) / TICK
+    assert 0.15 < np.linalg.norm(speeds, axis=2).max() < 0.25
+    assert "times as slow" in asked[0] and "sweep" in asked[0] and "flies" not in asked[0]
+
+
+def test_a_hand_that_moves_in_a_rehearsal_has_lost_nothing(motion) -> None:
+    franka = simulated(lambda tick: 0.02 if tick < 500 else 0.03, holds=False)
+    with pytest.raises(InputError, match="the gripper moved by itself: it went from 20 to 30 mm"):
+        rehearse(franka, motion, motion, lambda words: None)
+    assert franka.robot.finished
 
 
 def test_a_rehearsal_is_for_an_empty_hand(motion) -> None:
