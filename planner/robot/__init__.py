@@ -14,7 +14,7 @@ from .controller_files import (
 from .expectations import Expectations
 from .franka import Franka, check_arm, connected
 from .franka_run import approach, rehearse, throws
-from .gripper import GripperState
+from .gripper import GripperLink, GripperState
 from .gripper_delay import GripperDelay, measure_gripper
 from .learning import corrected
 from .mujoco_replay import Replay, replay, throw_to_rest, view

@@ -17,6 +17,7 @@ from scipy.signal import cont2discrete, lfilter
 from simulated_robot import BINDING
 from throwplan.planner.robot import (
     Franka,
+    GripperLink,
     GripperState,
     JointMotion,
     Recording,
@@ -319,11 +320,11 @@ class Standing:
         return self.state
 
 
-class Hand:
-    """A gripper that is homed, or not."""
+class Hand(GripperLink):
+    """A gripper's link without a gripper: homed, or not."""
 
     def __init__(self, most: float = 0.08) -> None:
-        self.most = most
+        self.host, self.most = "host", most
 
     def state(self) -> GripperState:
         return GripperState(0.04, self.most, holds=False)
