@@ -243,6 +243,7 @@ def test_functions_of_the_header_are_all_that_the_core_exports() -> None:
     assert not re.findall(r"(?:double|int64_t|char) \*\w+\b(?!,? */\* \[)", header)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", ["gcc", "clang", f"{sys.executable} -m ziglang cc"])
 def test_the_sources_compile_without_a_warning(compiler: str, tmp_path) -> None:
     words = compiler.split()

@@ -68,6 +68,7 @@ def reopened(planner: tp.Planner) -> Library:
     return Library(planner.scene, make_manipulator(planner.scene))
 
 
+@pytest.mark.slow
 def test_moved_throws_land_break_nothing_and_cost_no_more(plain, prepared) -> None:
     tolerance = plain.scene.tolerance
     pairs = [(plain.plan(t), prepared.plan(t)) for t in targets(prepared, 9, 0.01)]
@@ -338,7 +339,15 @@ def scrambled(rows: np.ndarray, way: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "way", ["flat", "steep", "noise", "shuffled", "bytes", "elsewhere", "other margins"]
+    "way",
+    [
+        "elsewhere",
+        "bytes",
+        *(
+            pytest.param(way, marks=pytest.mark.slow)
+            for way in ("flat", "steep", "noise", "shuffled", "other margins")
+        ),
+    ],
 )
 def test_a_plan_from_wrong_records_costs_time_only(
     prepared, way: str, tmp_path, monkeypatch

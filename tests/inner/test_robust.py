@@ -166,6 +166,7 @@ def test_window_and_scenarios_cost_nothing_when_not_asked_for() -> None:
     assert quiet.size[0] - plain.size[0] == extra * 4 * request.manipulator.size
 
 
+@pytest.mark.slow
 def test_errors_of_com_and_grasp_are_planned_against() -> None:
     """They move the free flight, which a quiet release alone does not mind."""
     errors = {name: Distribution(normal=0.002) for name in ("com_offset", "grasp_offset")}

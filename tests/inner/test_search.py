@@ -256,6 +256,7 @@ def test_a_pose_that_no_cup_takes_is_out_of_reach(cup) -> None:
     assert abs(plan.nearest.theta - plan.target.theta) > 0.2
 
 
+@pytest.mark.slow
 def test_an_elastic_solve_that_ends_farther_off_than_a_release_settles_nothing(
     cup,
 ) -> None:
@@ -270,6 +271,7 @@ def test_a_target_millimetres_within_the_edge_is_solved(x: float, theta: float) 
     assert planner.plan(planner.scene.target.in_plane(x, theta), patience=30.0).solved
 
 
+@pytest.mark.slow
 def test_a_landing_once_named_is_named_again_for_targets_beyond() -> None:
     planner = tp.Planner("cup", library=False)
     target = planner.scene.target

@@ -82,7 +82,7 @@ SCENES: dict[str, Callable[[], tp.Scene]] = {
     "com grasp": lambda: tp.load_scene("hand-box"),
 }
 #: Those that `make test` throws; the others are slow.
-DAILY = ("weak cup", "hard braking")
+DAILY = ("hard braking",)
 
 
 class CountingJudge(Judge):

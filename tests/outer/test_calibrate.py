@@ -156,6 +156,7 @@ def test_a_hidden_bias_is_halved(plans, tmp_path):
     assert sizes[1] < 0.5 * sizes[0]
 
 
+@pytest.mark.slow
 def test_the_region_covers_new_throws_of_any_distribution(plans, tmp_path):
     """Correlated residuals with heavy tails: 100 data sets of 20 throws, 50 new ones of each."""
     rng, inside = np.random.default_rng(8), []
@@ -255,7 +256,7 @@ def test_warm_moving_and_followed_throws_have_the_bias_too():
     ("changes", "words"),
     [
         ({"speed": (4.0, 5.0)}, "speed at detach"),
-        ({"rate": (5.0, 6.0)}, "turning rate at detach"),
+        pytest.param({"rate": (5.0, 6.0)}, "turning rate at detach", marks=pytest.mark.slow),
         ({"mass": 0.3}, "[object] mass is 0.24 kg, there 0.3 kg"),
         ({"force": 100.0}, "[gripper] force is 120 N, there 100 N"),
         ({"friction": 0.9}, "[contact] friction is 1, there 0.9"),

@@ -17,6 +17,8 @@ LINES = {
     "[1.2, 0, 0, 2, 0, 2.5, 0, 0, 0, 0.1, 1, 0.2, 2, 0, 1]",
     "two-points": 'shape = "two-points"',
 }
+#: The quartic is the general one; `make test` takes it alone.
+SHAPES = ["quartic", *(pytest.param(s, marks=pytest.mark.slow) for s in LINES if s != "quartic")]
 
 
 def written(folder: Path, scene: str, lines: str) -> Path:
@@ -36,7 +38,7 @@ def test_two_points_are_simulated_as_the_patch_of_two_points(tmp_path, run) -> N
     assert turns["ls-step"] == pytest.approx(-1.0786, abs=1e-3)
 
 
-@pytest.mark.parametrize("shape", LINES)
+@pytest.mark.parametrize("shape", SHAPES)
 def test_each_shape_is_thrown_and_swept(shape, tmp_path, run) -> None:
     path = written(tmp_path, "pose", LINES[shape])
     plan = run("plan", path, "--json", "--out", tmp_path / "out").json
@@ -50,7 +52,7 @@ def test_each_shape_is_thrown_and_swept(shape, tmp_path, run) -> None:
     assert swept["nominal"]["x"] == pytest.approx(plan["target"]["x"], abs=2e-4)
 
 
-@pytest.mark.parametrize("shape", LINES)
+@pytest.mark.parametrize("shape", SHAPES)
 def test_each_shape_is_identified(shape, tmp_path, run) -> None:
     """Throws by the shape are fitted by the shape: the product of friction and radius is found."""
     assert run("make-throws", "--out", tmp_path / "made", "--repeats", "1").status == 0

@@ -51,6 +51,7 @@ def test_a_copied_planner_takes_plans_of_its_scene(copied, solved, pose_planner)
     assert planner.follow(solved).throw.landing.pose == solved.throw.deciding.landing.pose
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("copied", COPIES)
 @pytest.mark.parametrize("shift", [0.004, 0.3])
 def test_a_copied_session_goes_on_as_the_session_does(copied, shift, solved, pose_planner) -> None:

@@ -153,6 +153,7 @@ for ceiling in (None, 0.7):
 """
 
 
+@pytest.mark.slow
 def test_the_ceiling_of_the_page_for_contributors_does_what_it_says(tmp_path: Path) -> None:
     """Its code is set into a copy of the package."""
     text = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")

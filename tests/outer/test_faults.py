@@ -89,7 +89,9 @@ def test_what_does_not_fit_leaves_no_folder(tmp_path) -> None:
     assert not (tmp_path / "deep").exists()
 
 
-@pytest.mark.parametrize("most", [20_000, 100_000, 200_000])
+@pytest.mark.parametrize(
+    "most", [100_000, *(pytest.param(m, marks=pytest.mark.slow) for m in (20_000, 200_000))]
+)
 def test_a_full_disk_costs_no_earlier_picture(most, plan_of, tmp_path) -> None:
     """The samples do not fit, the picture does not, the film does not; all stays as it was."""
     plan_of("hand-flip").save(tmp_path)

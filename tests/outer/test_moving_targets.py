@@ -107,6 +107,7 @@ def test_a_cup_that_moves_is_entered_as_it_sees_the_bar(planner_of) -> None:
     assert deepest < cup.rim - cup.insertion / 2
 
 
+@pytest.mark.slow
 def test_a_sweep_counts_from_the_target_that_moves_on(pose_planner) -> None:
     plan = moving(pose_planner, -0.4)
     found = tp.sweep(plan, samples=20)

@@ -74,6 +74,7 @@ def test_bars_end_where_they_are_dropped() -> None:
     assert ends.entered.tolist() == [True, True, False, False]
 
 
+@pytest.mark.slow
 def test_the_plan_says_how_often_the_object_stays_and_takes_the_throw_that_stays() -> None:
     scene = over_bin(radius=0.10, depth=0.19, rim=0.20)
     deep = tp.plan(scene.replace(target=scene.target.changed(z=0.30)))
@@ -228,6 +229,7 @@ def test_places_that_a_scene_does_not_have_are_refused() -> None:
         planner.plan(tp.Pose(1.2, -0.2, 0.0))
 
 
+@pytest.mark.slow
 def test_throws_that_slip_rest_nowhere() -> None:
     """All samples slip before the opening: none flies, and nothing breaks."""
     weak = tp.Uncertainty(friction=tp.Distribution(uniform=0.001, mean=0.05))

@@ -197,6 +197,7 @@ def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
         approach(motion, low)
 
 
+@pytest.mark.slow
 def test_from_a_throws_end_the_way_goes_over_the_floor(tmp_path, planner_of) -> None:
     """Straight it would draw the bar through it: the shoulder is raised first."""
     planner = planner_of("fr3")
