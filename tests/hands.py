@@ -16,6 +16,7 @@ class FakeHand:
     """Moves at `speed` [m/s] after a delay, and reports its width every `interval` [s].
 
     delays [s]: of its openings in turn, closings take the first; stuck: openings move nothing.
+    late [s]: how much later than due a report went out at worst, since the machine had other work.
     """
 
     def __init__(
@@ -35,7 +36,7 @@ class FakeHand:
         self.start = self.goal = width
         self.begin, self.stuck, self.holds, self.most = 0.0, stuck, holds, most
         self.moves: list[float] = []
-        self.opened = 0
+        self.opened, self.late = 0, 0.0
         self._server = socket.create_server((host, 1338))
         self._server.settimeout(0.1)
         self._over = threading.Event()
@@ -69,6 +70,8 @@ class FakeHand:
             while not self._over.is_set():
                 now = time.monotonic()
                 if port and now - sent > self.interval:
+                    # It wakes up four times in each interval.
+                    self.late = max(self.late, now - sent - 1.25 * self.interval if sent else 0.0)
                     number, sent = number + 1, now
                     row = (number, self.width(), self.most, self.holds, 30)
                     states.sendto(struct.pack("<IddBH", *row), (peer, port))

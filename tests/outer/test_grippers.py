@@ -42,13 +42,15 @@ def test_a_set_delay_is_measured_and_a_scene_takes_it(tmp_path, run, interval, s
         hand.close()
     assert said.status == 0, said.err
     delay = said.json["delay"]
-    assert delay["mean"] == pytest.approx(0.080, abs=0.005)
-    assert np.array(delay["samples"]) == pytest.approx(np.array(DELAYS), abs=0.005)
+    # Both processes may be as late as the hand was.
+    most = 0.005 + 2 * hand.late
+    assert delay["mean"] == pytest.approx(0.080, abs=most)
+    assert np.array(delay["samples"]) == pytest.approx(np.array(DELAYS), abs=most)
     assert said.json["speed"] == pytest.approx(speed, rel=0.1)
     (tmp_path / "fr3.toml").write_text(scene_of("fr3", file), encoding="utf-8")
     scene = tp.load_scene(tmp_path / "fr3.toml")
     assert scene.gripper.dwell == pytest.approx(delay["mean"], abs=1e-5)
-    assert scene.uncertainty.delay.samples == pytest.approx(np.array(DELAYS) - 0.08, abs=0.006)
+    assert scene.uncertainty.delay.samples == pytest.approx(np.array(DELAYS) - 0.08, abs=most + 1e-3)
     assert abs(scene.mean_delay) < 1e-4
     # The body is that of the arm's own hand.
     shipped = tp.load_scene("fr3").arm
