@@ -9,7 +9,7 @@ from functools import cached_property
 from ..library import Library
 from ..samples import Releases, ReleaseSampler
 from ..throw import Manipulator
-from .attempt import Attempt, NearestFeasible
+from .attempt import Attempt
 from .move import Corrector, fixed_optimum
 from .nlp_cache import NlpCache
 
@@ -102,11 +102,6 @@ class SearchContext:
         ):
             return
         found.add([found.record(optimum, (pose.plane_x, pose.theta or 0.0), solved=True)])
-
-    @cached_property
-    def exhausted(self) -> list[NearestFeasible]:
-        """Nearest landings of the plans that tried all their starts in vain."""
-        return []
 
     @cached_property
     def corrector(self) -> Corrector:

@@ -12,13 +12,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from heapq import merge
 from itertools import islice
-from operator import attrgetter
 
 from ...problems import Cost
 from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement, Request
 from ..result import PlannedThrow
-from .attempt import NearestFeasible, Start
+from .attempt import Start
 from .candidates import REGION_STARTS, STARTS, Candidates, release_start
 from .context import SETTINGS, SearchContext, are_equal
 from .failure import in_column
@@ -137,7 +136,10 @@ class Search:
             start = release_start(context.problems, task, candidates.releases, index, goal)
             far = goal.distance(pose, task.scene.object.half_length) or math.inf
             others.append(Approach(goal, replace(start, goal=pose, again=True), far))
-        others.sort(key=attrgetter("away"))
+        # One that breaks something where it lands comes before what lands much farther off.
+        least = min((away for _, _, away in candidates.nearest), default=math.inf)
+        unsound = SETTINGS.hopeless * least
+        others.sort(key=lambda one: one.away if math.isfinite(one.away) else unsound)
         return [*others, *self.stored] if self.blocked else [*self.stored, *others]
 
     @cached_property
@@ -164,50 +166,31 @@ class Search:
         """Whether the target is out of reach.
 
         The nearest landings are equal and, without a library, not close, or many sampled starts
-        lead nowhere (`SearchSettings`). Landings from throws of earlier plans do not count, since
-        these may be alike; but one new start that leads no nearer is enough beyond a target for
-        which all starts ended there, and where the nearest throw of the library, or of its proven
-        boundary, lands as near. No throw of the library, nor a sampled one that clears column and
-        hand, lands nearer to the target.
+        lead nowhere (`SearchSettings`). Landings from throws of earlier plans agree with others
+        only, since these throws may be alike. No throw of the library, nor a sampled one that
+        arrives as a throw to the target would, lands nearer to it.
         """
-        task, new, library = self.task, history.new_edges, self.context.library
-        if not new:
+        task, edges, library = self.task, history.edges, self.context.library
+        if not edges:
             return False
         known = [one.distance for one in self._nearest(library, 1, math.inf)]
         known += [one.distance for one in library.nearest_of_boundary(task.target, task.turns, 1)]
-        least = history.edges[0].missed
-        if not self._is_known(history.edges[0].edge):
-            is_close = least < SETTINGS.close_distance and not len(library)
-            agree = not is_close and are_equal([one.missed for one in new] + known)
-            if not agree and len(history.solves_from("samples")) < SETTINGS.vain_starts:
-                return False
-        clear = self.candidates.releases.clear
-        known += [away for index, _, away in self.candidates.nearest if clear[index]]
-        ratio, most = SETTINGS.equal_ratio, task.scene.tolerance.position
-        return least <= ratio * min(known, default=math.inf) + most
+        least, ratio = edges[0].missed, SETTINGS.equal_ratio
+        new = [one.missed for one in history.new_edges]
+        is_close = least < SETTINGS.close_distance and not len(library)
+        is_new = bool(new) and new[0] <= ratio * least
+        agree = is_new and not is_close and are_equal([one.missed for one in edges] + known)
+        starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
+        is_vain = len(history.solves_from("samples")) >= starts
+        if not (agree or is_vain):
+            return False
+        known += [away for _, _, away in self.arriving.nearest]
+        return least <= ratio * min(known, default=math.inf) + task.scene.tolerance.position
 
     def remember(self, history: History) -> None:
-        """Keeps throws for later plans, and the nearest landing if all starts were tried in vain.
-
-        Under a time of arrival other throws fail than without.
-        """
-        context, task = self.context, self.task
+        """Keeps the throws found, or the nearest landing, for later plans."""
         for attempt in history.found or history.edges[:1]:
-            context.remember(attempt)
-        is_stopped = history.found or task.clock.late or self.is_settled(history)
-        if history.edges and not is_stopped and len(task.solvers) > 1 and not task.target.arrival:
-            edge = history.edges[0].edge
-            assert edge is not None
-            context.exhausted.append(edge)
-
-    def _is_known(self, edge: NearestFeasible | None) -> bool:
-        """Whether all starts of a plan to a target not farther off ended at the same landing."""
-        lever = self.task.scene.object.half_length
-        return edge is not None and any(
-            known.missed <= edge.missed
-            and edge.pose.distance(known.pose, lever) <= SETTINGS.same_distance
-            for known in self.context.exhausted
-        )
+            self.context.remember(attempt)
 
 
 Strategy = Callable[[Search, History], Try | None]

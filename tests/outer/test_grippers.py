@@ -50,7 +50,9 @@ def test_a_set_delay_is_measured_and_a_scene_takes_it(tmp_path, run, interval, s
     (tmp_path / "fr3.toml").write_text(scene_of("fr3", file), encoding="utf-8")
     scene = tp.load_scene(tmp_path / "fr3.toml")
     assert scene.gripper.dwell == pytest.approx(delay["mean"], abs=1e-5)
-    assert scene.uncertainty.delay.samples == pytest.approx(np.array(DELAYS) - 0.08, abs=most + 1e-3)
+    assert scene.uncertainty.delay.samples == pytest.approx(
+        np.array(DELAYS) - 0.08, abs=most + 1e-3
+    )
     assert abs(scene.mean_delay) < 1e-4
     # The body is that of the arm's own hand.
     shipped = tp.load_scene("fr3").arm
