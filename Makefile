@@ -32,8 +32,9 @@ verify: .venv/test .venv/sim .venv/docs
 report: .venv/run
 	$(BIN)/python -m benchmarks
 
-# The site of this version in out/site/VERSION, beside those of others; any warning or dead link is an error.
-VERSION := $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+# The site of this version in out/site/VERSION, beside those of others; any warning or dead link is an error. Beside
+# them myst-nb leaves the notebooks' pictures.
+VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 site: .venv/docs
 	$(BIN)/sphinx-build --fail-on-warning --fresh-env --quiet -c docs/site -d out/doctrees . out/site/$(VERSION)
 	rm -r out/site/jupyter_execute

@@ -8,11 +8,14 @@ import json
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import Any
 
 import throwplan as tp
 import ziamath
 from docutils import nodes
 from packaging.version import Version
+from sphinx.application import Sphinx
+from sphinx.writers.html5 import HTML5Translator
 from throwplan.problems.section import Section
 
 project = "throwplan"
@@ -67,7 +70,7 @@ for public in set(tp.__all__) - {"Target"}:
         getattr(tp, public).__name__ = getattr(tp, public).__qualname__ = public
 
 
-def write_math(writer, node) -> None:
+def write_math(writer: HTML5Translator, node: nodes.math | nodes.math_block) -> None:
     """An equation as a drawing, for which a page needs neither scripts nor fonts."""
     text, is_block = node.astext(), isinstance(node, nodes.math_block)
     equation = ziamath.Latex(text, size=MATH_SIZE, inline=not is_block)
@@ -79,16 +82,17 @@ def write_math(writer, node) -> None:
     raise nodes.SkipNode
 
 
-def add_navigation(app, page: str, source: list[str]) -> None:
+def add_navigation(app: Sphinx, page: str, source: list[str]) -> None:
     """The front page's lists of links are the table of contents."""
     if page == root_doc:
         for title, links in re.findall(r"^## (.*)\n\n((?:[- ].*\n)+)", source[0], flags=re.M):
-            entries = re.sub(r"^(?:- \[(.*?)\]\((.*?)\)|  ).*\n", r"\1 <\2>\n", links, flags=re.M)
-            entries = entries.replace(" <>\n", "")
-            source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {title}\n{entries}```\n"
+            entries = re.findall(r"^- \[(.*?)\]\((.*?)\)", links, flags=re.M)
+            lines = [f"{name} <{target}>" for name, target in entries]
+            lines = ["", "```{toctree}", ":hidden:", f":caption: {title}", *lines, "```", ""]
+            source[0] += "\n".join(lines)
 
 
-def add_docstrings(app, page: str, source: list[str]) -> None:
+def add_docstrings(app: Sphinx, page: str, source: list[str]) -> None:
     """A paragraph of names on the page of Python becomes their docstrings."""
     if page == "docs/python":
         source[0] = re.sub(r"^(?:`\w+`,?\s)+", _directives, source[0], flags=re.M)
@@ -107,7 +111,9 @@ def _directives(names: re.Match[str]) -> str:
     return "\n".join([*lines, "```", ""])
 
 
-def format_docstring(app, what, name, value, options, lines: list[str]) -> None:
+def format_docstring(
+    app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]
+) -> None:
     """Prose as reStructuredText: parameters in bold, a section's fields as a list."""
     text = re.sub(r"\[([\w ]+)\]\(\S+\)", r"\1", "\n".join(lines))
     if what == "class" and issubclass(value, Section):
@@ -127,25 +133,28 @@ def _items(lines: re.Match[str]) -> str:
     return re.sub("^(?=.)", "- ", lines[0], flags=re.M)
 
 
-def write_signature(app, what, name, value, options, signature, returned):
+def write_signature(
+    app: Sphinx, what: str, name: str, value: Any, options: Any, signature: str, returned: str
+) -> tuple[str, str]:
     """The signature of a class is shown where users need it; defaults that are made are dots."""
     if what == "class" and not issubclass(value, CONSTRUCTED):
         return "", ""
     return signature and signature.replace("<factory>", "..."), returned
 
 
-def write_versions(app, error) -> None:
+def write_versions(app: Sphinx, error: Exception | None) -> None:
     """The list of the versions beside this one, and the way from their folder to the newest."""
     site = Path(app.outdir).parent
     names = sorted((path.parent.name for path in site.glob("*/objects.inv")), key=Version)[::-1]
-    script = f"for (const name of {json.dumps(names)}) addVersion(name);\n"
-    (site / "versions.js").write_text(script, encoding="utf-8")
-    page = f'<meta http-equiv="refresh" content="0; url={names[0]}/{root_doc}.html">\n'
-    (site / "index.html").write_text(page, encoding="utf-8")
+    if names:
+        script = f"for (const name of {json.dumps(names)}) addVersion(name);\n"
+        (site / "versions.js").write_text(script, encoding="utf-8")
+        page = f'<meta http-equiv="refresh" content="0; url={names[0]}/{root_doc}.html">\n'
+        (site / "index.html").write_text(page, encoding="utf-8")
 
 
-def setup(app) -> None:
-    """Called by Sphinx."""
+def setup(app: Sphinx) -> None:
+    """Sphinx calls this."""
     app.add_html_math_renderer("svg", (write_math, None), (write_math, None))
     app.connect("source-read", add_navigation)
     app.connect("source-read", add_docstrings)
