@@ -10,7 +10,7 @@ FILES := pyproject.toml constraints.txt $(wildcard *.py core/*.[ch] problems/*/*
 # Two processes; the tests of a file stay together, for the plans that they share.
 PYTEST := $(BIN)/pytest --numprocesses 2 --dist loadfile
 
-.PHONY: core run test verify report extras pictures notebooks notebooks-executed clean
+.PHONY: core run test verify report site extras pictures notebooks notebooks-executed clean
 
 run: .venv/run
 	$(BIN)/throwplan plan cup --out out/cup
@@ -25,12 +25,19 @@ test: .venv/test
 # What takes longer: notebooks executed, MuJoCo over many cases, sections of the report. The same hostile input each
 # time; `make verify SEED=2` looks for more.
 SEED ?= 1
-verify: .venv/test .venv/sim
+verify: .venv/test .venv/sim .venv/docs
 	$(PYTEST) -m slow --hypothesis-seed=$(SEED)
 
 # Error against run time, stability, reach and robustness, measured anew into docs/report: two hours.
 report: .venv/run
 	$(BIN)/python -m benchmarks
+
+# The site of this version in out/site/VERSION, beside those of others; any warning or dead link is an error. Beside
+# them myst-nb leaves the notebooks' pictures.
+VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+site: .venv/docs
+	$(BIN)/sphinx-build --fail-on-warning --fresh-env --quiet -c docs/site -d out/doctrees . out/site/$(VERSION)
+	rm -r out/site/jupyter_execute
 
 # The compiled core of a checkout that runs without being installed.
 core:
@@ -68,6 +75,10 @@ notebooks-executed: .venv/notebooks
 # for an older NumPy, which the rules of the controller, all that is used of it, do not need.
 .venv/sim: .venv/test
 	-$(PIP) $(EDITABLE) '.[sim]' && $(PIP) --no-deps franka-sim
+	touch $@
+
+.venv/docs: .venv/run
+	$(PIP) --no-compile $(EDITABLE) '.[docs]'
 	touch $@
 
 .venv/notebooks: .venv/run

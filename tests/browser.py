@@ -37,13 +37,26 @@ class Page:
 
     def __init__(self, devtools: Any) -> None:
         self._devtools = devtools
+        self._events: list[dict[str, Any]] = []
 
     def call(self, method: str, **values: Any) -> dict[str, Any]:
         """What a method of the DevTools protocol answers; empty where it fails."""
         self._devtools.send(json.dumps({"id": 1, "method": method, "params": values}))
         while (answer := json.loads(self._devtools.recv(timeout=60))).get("id") != 1:
-            pass
+            self._events.append(answer)
         return answer.get("result", {})
+
+    def open(self, address: str, width: int, height: int = 800) -> list[dict[str, Any]]:
+        """Loads another page at a size [px]: requests, log and exceptions until it is loaded."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
+        self.call("Emulation.setDeviceMetricsOverride", **size)
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(f"{domain}.enable")
+        self._events = []
+        self.call("Page.navigate", url=address)
+        while all(event["method"] != "Page.loadEventFired" for event in self._events):
+            self._events.append(json.loads(self._devtools.recv(timeout=60)))
+        return self._events
 
     def picture(self) -> np.ndarray:
         """(height, width, 3) of 0 to 1, black where there is none yet."""

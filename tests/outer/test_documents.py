@@ -43,10 +43,11 @@ def test_scene_reference_is_current_and_has_every_key(run, refused) -> None:
     assert "give one of them" in refused("scenes --reference --write cup")
 
 
-def test_python_reference_is_current_and_has_every_name() -> None:
-    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
-    assert page == runpy.run_path(str(ROOT / "examples/python_reference.py"))["python_reference"]()
-    assert set(re.findall(r"^### (\w+)$", page, flags=re.M)) == set(tp.__all__)
+def test_the_page_of_python_has_every_name_once() -> None:
+    """The site puts their docstrings there."""
+    text = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    lists = re.findall(r"^(?:`\w+`,?\s)+", text, flags=re.M)
+    assert sorted(re.findall(r"\w+", "".join(lists))) == sorted(tp.__all__)
 
 
 @page
@@ -62,7 +63,6 @@ def test_links_lead_somewhere(path) -> None:
             there = target.read_text(encoding="utf-8")
             titles = re.findall(r"^#+ (.*)$", there, flags=re.M)
             anchors = {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
-            anchors |= set(re.findall(r'<a id="(\w+)"></a>', there))
             assert anchor in anchors, link
 
 
