@@ -137,9 +137,7 @@ class ThrownObject(Section):
                 "(is it in mm?)"
             )
         if self.outline and self.inertia is None:
-            raise InputError(
-                "key 'inertia' is missing: with outline there is no default"
-            )
+            raise InputError("key 'inertia' is missing: with outline there is no default")
         largest = self.mass * (self.com * (self.length - self.com) + self.width**2 / 4)
         if self.inertia is None:
             uniform = self.mass * (self.length**2 + self.width**2) / 12
