@@ -1,6 +1,6 @@
 """Writes the meshes of the example objects, in mm: hammer, bottle and box.
 
-    .venv/bin/python examples/objects/make_meshes.py FOLDER
+.venv/bin/python examples/objects/make_meshes.py FOLDER
 """
 
 import sys

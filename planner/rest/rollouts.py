@@ -169,6 +169,14 @@ def _heights(bar: ThrownObject, axis: Array, up: Array) -> Array:
     return np.asarray(ends - np.repeat(bar.capsules[:, 4], 2))
 
 
+def _sunk(bar: ThrownObject) -> float:
+    """Largest depth [m] of the lowest point of an object at rest below a surface.
+
+    An outline reaches beyond its mesh, at flat ends by a radius.
+    """
+    return SETTINGS.sunk + max((part.radius for part in bar.outline), default=0.0)
+
+
 def _lowest(scene: Scene, com: Array, axis: Array, up: Array) -> Array:
     """Height [m] (...) of the bar's lowest point, for CoM and directions (..., 3)."""
     bar = scene.object
@@ -183,9 +191,9 @@ def is_in_cup(scene: Scene, cup: Cup, com: Array, axis: Array, up: Array) -> Fla
     """Flags (...): CoM inside the cup's radius, lower end in the cup; com, axis, up (..., 3)."""
     low = _lowest(scene, com, axis, up)
     inside = np.hypot(com[..., 0] - cup.x, com[..., 1]) < cup.radius
-    bottom = cup.rim - cup.depth - SETTINGS.sunk
+    sunk = _sunk(scene.object)
     # A bar that lies on the rim is not in the cup.
-    return np.asarray(inside & (bottom <= low) & (low < cup.rim - SETTINGS.sunk))
+    return np.asarray(inside & (cup.rim - cup.depth - sunk <= low) & (low < cup.rim - sunk))
 
 
 def enters_cup(scene: Scene, cup: Cup, com: Array, axis: Array, up: Array) -> Flags:
@@ -224,7 +232,8 @@ def _is_there(scene: Scene, com: Array, axis: Array, up: Array) -> Flags:
         return is_in_cup(scene, scene.cup, com, axis, up)
     if rest.on is not None:
         height, over = _top(scene, rest.on)
-        return np.asarray(over(com) & (_lowest(scene, com, axis, up) > height - SETTINGS.sunk))
+        lowest = _lowest(scene, com, axis, up)
+        return np.asarray(over(com) & (lowest > height - _sunk(scene.object)))
     assert rest.within is not None
     away = np.hypot(target.miss(com[..., 0], 0.0)[0], com[..., 1])
     return np.asarray(away <= rest.within)
