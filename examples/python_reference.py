@@ -34,8 +34,8 @@ CHAPTERS = {
     "Measured throws": "load_throws ThrowData throw_data thrown identify Identified calibrate "
     "Calibrated",
     "Scenes": "load_scene scene_names scene_text Scene",
-    "Sections of a scene": "Object Contact Gripper Grasp Hand Robot Motion Target Pose Region "
-    "Tolerance Cost Choice Cup Landing Workspace Obstacle Torque Uncertainty Distribution Robust "
+    "Sections of a scene": "Object OutlinePart Contact Gripper Grasp Hand Robot Motion Target Pose "
+    "Region Tolerance Cost Choice Cup Landing Workspace Obstacle Torque Uncertainty Distribution Robust "
     "Rest Calibration Mesh",
     "Errors": "InputError ThrowplanError",
 }

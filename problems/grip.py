@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, overload
 
@@ -79,6 +80,21 @@ class ThrownObject(Section):
         radius; K = 0 for a bar."""
         rows = [[*part.begin, *part.end, part.radius] for part in self.outline]
         return np.array(rows, float).reshape(-1, 5)
+
+    def least_cup(self, reserve: float) -> tuple[float, str]:
+        """Radius [m] of the narrowest cup that it fits into with a `reserve` [m] around, and for
+        what that is. Thickness and width of a bar are equal; a round cup is narrower off its
+        middle."""
+        if self.outline:
+            return max(self.capsules[:, 4]) + reserve, "the largest radius of the outline"
+        return math.hypot(self.width / 2 + reserve, self.width / 2), "half the bar's width"
+
+    def lowest_end(self, theta: float) -> tuple[float, float, float]:
+        """The lowest end of an outline's capsules at an angle [rad]: along and across the axis [m]
+        from the CoM, and radius [m]."""
+        ends, radii = self.capsules[:, :4].reshape(-1, 2), self.capsules[:, 4].repeat(2)
+        low = int((ends @ [np.sin(theta), np.cos(theta)] - radii).argmin())
+        return float(ends[low, 0]) - self.com, float(ends[low, 1]), float(radii[low])
 
     @functools.cached_property
     def half_length(self) -> float:

@@ -191,12 +191,7 @@ class Scene(Section):
         cup = self.cup
         if cup is None:
             return
-        # Thickness and width of the bar are equal; a round cup is narrower off its middle.
-        bar, reserve = self.object, cup.clearance + 0.001
-        need, what = math.hypot(bar.width / 2 + reserve, bar.width / 2), "half the bar's width"
-        if bar.outline:
-            need = max(part.radius for part in bar.outline) + reserve
-            what = "the largest radius of the outline"
+        need, what = self.object.least_cup(cup.clearance + 0.001)
         if cup.radius <= need:
             raise InputError(
                 f"[cup] radius = {cup.radius:g}: must be above {need:.4g}, for {what}, "
@@ -224,13 +219,13 @@ class Scene(Section):
     def _outside_cup(self, cup: Cup, x: float, z: float, theta: float) -> str:
         """Why a bar with its CoM at x, z cannot have entered the cup; empty if it can."""
         cos, sin, bar = math.cos(theta), math.sin(theta), self.object
+        error = self.tolerance.position + bar.length * self.tolerance.angle
         if bar.outline:
             # Only the place of the lowest end: the plan finds whether the rest fits.
-            ends, radii = bar.capsules[:, :4].reshape(-1, 2) - [bar.com, 0.0], bar.capsules[:, 4]
-            low = ends @ [sin, cos] - radii.repeat(2)
-            along, across = ends[low.argmin()].tolist()
-            off, depth = abs(x + along * cos - across * sin - cup.x), cup.rim - z - low.min()
-            return self._outside(cup, float(off), float(depth)) if depth > 0.0 else ""
+            along, across, radius = bar.lowest_end(theta)
+            depth = cup.rim - (z + along * sin + across * cos - radius)
+            off = abs(x + along * cos - across * sin - cup.x)
+            return cup.why_outside(off, depth, error) if depth > 0.0 else ""
         along = min(-bar.com, bar.length - bar.com, key=lambda s: s * sin)
         x, z = x + along * cos, z + along * sin
         if z >= cup.rim:
@@ -238,16 +233,7 @@ class Scene(Section):
         # From the lower end up to the rim plane, or to the other end.
         up = min((cup.rim - z) / abs(sin), bar.length) if sin else bar.length
         mouth = x - math.copysign(up, along) * cos
-        return self._outside(cup, max(abs(x - cup.x), abs(mouth - cup.x)), cup.rim - z)
-
-    def _outside(self, cup: Cup, off: float, depth: float) -> str:
-        """Why a lower end is not in the cup, `off` [m] its middle and `depth` [m] below its rim."""
-        error = self.tolerance.position + self.object.length * self.tolerance.angle
-        if off > cup.radius + error:
-            return f"{off:.3g} m off its centre, radius {cup.radius:g} m"
-        if depth > cup.depth + error:
-            return f"{depth:.3g} m below its rim, depth {cup.depth:g} m"
-        return ""
+        return cup.why_outside(max(abs(x - cup.x), abs(mouth - cup.x)), cup.rim - z, error)
 
     def replace(self, **changes: Any) -> Scene:
         """A copy with the given sections changed, e.g. ``scene.replace(target=Pose(...))``."""

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -146,10 +146,10 @@ class OutlinePoint:
     outline around it; 0 for a bar, whose edges depend on its angle."""
 
     along: ca.SX
-    across: ca.SX | float = 0.0
-    radius: ca.SX | float = 0.0
+    across: Any = 0.0
+    radius: Any = 0.0
 
-    def placed(self, x: ca.SX, z: ca.SX, cos: ca.SX, sin: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def placed(self, x: Any, z: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
         """Its x, z [m] for a CoM at x, z and the axis' angle."""
         return (
             x + self.along * cos - self.across * sin,

@@ -25,7 +25,8 @@ def bar_corners(bar: ThrownObject, com: Array) -> Array:
     """Corners (N, 2) [m] of the drawn object for a CoM pose x, z [m], theta [rad]."""
     if bar.outline:
         ends = outline_ends(bar, com[:, None])[:, 0].T.reshape(-1, 2, 2)
-        loops = [_capsule_loop(*pair, r) for pair, r in zip(ends, bar.capsules[:, 4], strict=True)]
+        radii = bar.capsules[:, 4].tolist()
+        loops = [_capsule_loop(p[0], p[1], r) for p, r in zip(ends, radii, strict=True)]
         # Back along the way from loop to loop: nothing is between them.
         return np.vstack([*loops, *[loop[:1] for loop in loops[::-1]]])
     wide = dataclasses.replace(bar, width=max(bar.width, LEAST_WIDTH))

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import casadi as ca
-import numpy as np
 
 from ....problems import Pose, Scene
 from ...throw import cup_radius
@@ -128,7 +127,7 @@ class CupClearance(SceneConstraint):
         cup, target = request.scene.cup, request.target or request.scene.target
         if cup is None or target is None:
             return None
-        values = {
+        values: dict[str, Any] = {
             "cup_x": cup.x,
             "cup_rim": cup.rim,
             "cup_insertion": cup.insertion,
@@ -208,8 +207,5 @@ def lower_end(scene: Scene, target: Pose) -> tuple[float, float, float]:
     [m] around it, which is 0 for a bar."""
     theta, bar = 0.0 if target.theta is None else target.theta, scene.object
     if bar.outline:
-        ends, radii = bar.capsules[:, :4].reshape(-1, 2), np.repeat(bar.capsules[:, 4], 2)
-        heights = ends @ [math.sin(theta), math.cos(theta)] - radii
-        k = int(heights.argmin())
-        return float(ends[k, 0] - bar.com), float(ends[k, 1]), float(radii[k])
+        return bar.lowest_end(theta)
     return (bar.length - bar.com if math.sin(theta) < 0 else -bar.com), 0.0, 0.0
