@@ -35,8 +35,8 @@ CHAPTERS = {
     "Calibrated",
     "Scenes": "load_scene scene_names scene_text Scene",
     "Sections of a scene": "Object OutlinePart Contact Gripper Grasp Hand Robot Motion Target Pose "
-    "Region Tolerance Cost Choice Cup Landing Workspace Obstacle Torque Uncertainty Distribution Robust "
-    "Rest Calibration Mesh",
+    "Region Tolerance Cost Choice Cup Landing Workspace Obstacle Torque Uncertainty Distribution "
+    "Robust Rest Calibration Mesh",
     "Errors": "InputError ThrowplanError",
 }
 

@@ -65,13 +65,14 @@ class ThrownObject(Section):
         default=0.0,
     )
     outline: tuple[OutlinePart, ...] = quantity(
-        "capsules that cover the object, for all clearances; along the axis from 0 to `length`. "
-        "Left out: a bar of `length` and `width`, as thick as wide",
+        "capsules `{ begin = [along, across], end = [along, across], radius }` in m that cover the "
+        "object, for all clearances; along the axis from 0 to `length`, across it up for a level "
+        "axis. Left out: a bar of `length` and `width`, as thick as wide",
         default=(),
     )
     mesh: str | None = optional(
-        "STL or OBJ file for pictures and MuJoCo, in m, in the frame of `outline` with y across "
-        "the throw's plane"
+        "STL file for the 3-D view and MuJoCo, as `import-object` writes: binary, in m, in the "
+        "frame of `outline`, its y across the throw's plane; only with `outline`"
     )
 
     @functools.cached_property
