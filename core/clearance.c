@@ -1,7 +1,7 @@
 /* How near arm, held bar and flying bar come to obstacles and to the arm itself, in 3-D. Everything that
-   moves is a capsule: the arm's links, and the bar with its corners. Between samples a distance falls by
-   no more than half of what the bodies move beyond the half that the samples explain, so a clearance that
-   is kept is kept at every instant. One instant at a time. */
+   moves is a capsule: the arm's links, and the bar with its corners or the parts of an object's outline.
+   Between samples a distance falls by no more than half of what the bodies move beyond the half that the
+   samples explain, so a clearance that is kept is kept at every instant. One instant at a time. */
 #define LANES 1
 #include <stdlib.h>
 #include "functions.h"
@@ -179,11 +179,19 @@ static segment body_at(const throw *t, const bodies *all, const track *on, int64
     }
     if (on->placed[k] == 0.0)
         place(t, all, on, k);
-    if (body == all->links) {
-        const double *com = on->com + 3 * k;
+    if (body >= all->links) {
+        const double *com = on->com + 3 * k, *part = all->outline;
         double c = cos(com[2]), d = sin(com[2]);
-        s = (segment){{com[0] - all->behind * c, 0.0, com[1] - all->behind * d},
-                      {com[0] + all->ahead * c, 0.0, com[1] + all->ahead * d}};
+        if (!part)
+            return (segment){{com[0] - all->behind * c, 0.0, com[1] - all->behind * d},
+                             {com[0] + all->ahead * c, 0.0, com[1] + all->ahead * d}};
+        part += 5 * (body - all->links);
+        for (int e = 0; e < 2; e++, part += 2) {
+            double along = part[0] - all->behind, *at = e ? s.end : s.begin;
+            at[0] = com[0] + along * c - part[1] * d;
+            at[1] = 0.0;
+            at[2] = com[1] + along * d + part[1] * c;
+        }
         return s;
     }
     const double *place = all->places + 6 * body;
@@ -207,7 +215,7 @@ static double travelled(const throw *t, const bodies *all, const track *on, int6
 {
     if (on->ends)
         return on->travel[body * on->n + k];
-    if (body == all->links)
+    if (body >= all->links)
         return on->moved[k];
     const linkage *a = t->arm;
     double sum = 0.0;
@@ -311,11 +319,22 @@ static double missing(const throw *t, const bodies *all, const track *on, int64_
     segment one, two;
     pair p = {t, all, on, body, other, from, needed, INFINITY, -INFINITY, 0.0};
     double near = distance_at(&p, 0, &one, &two), far = distance_at(&p, on->n - 1, &one, &two);
-    if (from && on->flying && body == all->links)
+    if (from && on->flying && body >= all->links)
         p.lands = far;
     look_between(&p, 0, near, on->n - 1, far);
     *when = p.when;
     return p.worst;
+}
+
+/* How far the object's axes reach from its CoM. */
+static double far_of(const bodies *all)
+{
+    double far = fmax(all->behind, all->ahead);
+    for (int64_t i = 0; all->outline && i < 2 * all->bar; i++) {
+        const double *end = all->outline + 5 * (i / 2) + 2 * (i % 2);
+        far = fmax(far, length(end[0] - all->behind, end[1]));
+    }
+    return far;
 }
 
 /* The angles of all samples, and what bounds the motion between them. */
@@ -323,7 +342,7 @@ static void follow(const throw *t, const bodies *all, track *on)
 {
     const linkage *a = t->arm;
     int64_t piece = 0;
-    double far = fmax(all->behind, all->ahead);
+    double far = far_of(all);
     for (int64_t k = 0; k < on->n; k++) {
         double q[AXES], angle = 0.0, moved = 0.0;
         on->placed[k] = 0.0;
@@ -393,7 +412,8 @@ static double *room_for(track *on, int64_t most)
 static void follow_flight(const throw *t, const bodies *all, track *on)
 {
     on->n = (int64_t)ceil(t->flight / t->tick) + 1;
-    on->flying = on->bar = 1;
+    on->flying = 1;
+    on->bar = all->bar;
     on->carried = 0;
     for (int64_t k = 0; k < on->n; k++)
         on->time[k] = t->detach + (on->n > 1 ? t->flight * (double)k / (double)(on->n - 1) : 0.0);
@@ -409,7 +429,7 @@ CLONES EXPORT int64_t near_bodies(const throw *t, const bodies *all, contact *fo
     carried = carried > 0 ? carried : 0;
     int64_t most = carried + t->nodes > flown ? carried + t->nodes : flown;
     most = rests > most ? rests : most;
-    track on = {.n = carried + t->nodes, .bar = 1, .carried = carried};
+    track on = {.n = carried + t->nodes, .bar = all->bar, .carried = carried};
     double *room = room_for(&on, most);
     if (!room)
         return -1;
@@ -453,14 +473,15 @@ CLONES EXPORT int64_t near_flights(const throw *shared, const bodies *all, int64
         follow_flight(&t, &here, &on);
         for (int64_t s = 0; s < all->solids; s++) {
             const solid *from = all->around + s;
-            double needed = all->reach[all->links] + from->clearance;
-            if (from->bar)
-                worst = fmax(worst, missing(&t, &here, &on, all->links, from, 0, needed, &when));
+            for (int64_t b = all->links; from->bar && b < all->links + all->bar; b++) {
+                double needed = all->reach[b] + from->clearance;
+                worst = fmax(worst, missing(&t, &here, &on, b, from, 0, needed, &when));
+            }
         }
         const int64_t *meet = all->meet;
         for (int64_t i = 0; i < all->pairs; i++, meet += 2) {
             double needed = all->radius[meet[0]] + all->radius[meet[1]];
-            if (meet[1] == all->links)
+            if (meet[1] >= all->links)
                 worst = fmax(worst,
                              missing(&t, &here, &on, meet[1], NULL, meet[0], needed, &when));
         }
@@ -513,7 +534,7 @@ CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flyi
             if (b < all->links ? !all->moves[b] : !from->bar)
                 continue;
             pair p = {NULL, all, &on, b, 0, from, all->reach[b] + from->clearance, INFINITY, 0.0, 0.0};
-            if (flying && !alone && b == all->links && n)
+            if (flying && !alone && b >= all->links && n)
                 p.lands = distance_at(&p, n - 1, &one, NULL);
             room_of(&p, room);
         }
@@ -532,10 +553,10 @@ CLONES EXPORT int64_t overlaps(int64_t count, const linkage *arm, const bodies *
 {
     double angle[AXES], joint[4 * AXES], placed = 1.0, hand[3], pose[3];
     int64_t links = all->links;
-    segment *ends = malloc(sizeof(segment) * (size_t)(links + 1));
-    double *middle = malloc(sizeof(double) * 4 * (size_t)(links + 1));
+    segment *ends = malloc(sizeof(segment) * (size_t)(links + all->bar));
+    double *middle = malloc(sizeof(double) * 4 * (size_t)(links + all->bar));
     throw t = {0};
-    track on = {.n = 1, .bar = com != NULL};
+    track on = {.n = 1, .bar = com ? all->bar : 0};
     t.arm = arm;
     on.angle = angle;
     on.joint = joint;

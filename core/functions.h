@@ -141,7 +141,7 @@ EXPORT void measure_flights(const throw *shared, const reference *r, int64_t cou
 
 /* All that comes too near to anything in a throw; how many there are, -1 without memory. */
 EXPORT int64_t near_bodies(const throw *t, const bodies *all,
-                           contact *found /* [3 * (all->solids * (all->links + 1) + all->pairs)] */
+                           contact *found /* [3 * (all->solids * (all->links + all->bar) + all->pairs)] */
 );
 
 /* How far the bars of many flights come too near to solids and links at most; not 0 without memory. */
@@ -157,7 +157,7 @@ EXPORT void segment_distances(int64_t count,
 );
 
 /* Bodies on their way at n times that come too near to anything; how many there are, -1 without memory.
-   bar: whether the bar is one of them, after the links; flying: whether it lands at the end. */
+   bar: how many of them, after the links, are the object's; flying: whether it lands at the end. */
 EXPORT int64_t near_track(const bodies *all, int64_t n, int64_t bar, int64_t flying,
                           const double *times, /* [n] s, rising */
                           const double *ends,  /* [all->links + bar][2][3][n] m, in the throw's plane */

@@ -49,6 +49,62 @@ typedef struct {
     double first, last, half;
 } box;
 
+/* The thrown object: a bar, or capsules in its frame (`outline` of `scene`). reach: from its CoM to its
+   farthest point. */
+typedef struct {
+    box bar;
+    int64_t parts;
+    const double *outline;
+    double reach;
+} object;
+
+INLINE object object_of(const scene *s)
+{
+    object o = {{-s->behind, s->ahead, s->half_width}, s->parts, s->outline,
+                hypot(GREATER(s->behind, s->ahead), s->half_width)};
+    return o;
+}
+
+/* Part k of an object at poses: the bar; or a capsule's axis, as a box without width at poses of its own.
+   The radius around it. */
+INLINE double part_of(const object *o, const pose *at, int64_t k, box *part, pose *there)
+{
+    if (!o->parts) {
+        *part = o->bar;
+        *there = *at;
+        return 0.0;
+    }
+    const double *c = o->outline + 5 * k;
+    double along = c[2] - c[0], across = c[3] - c[1], size = hypot(along, across);
+    double cosine = size > 0.0 ? along / size : 1.0, sine = size > 0.0 ? across / size : 0.0;
+    double x = (c[0] + c[2]) / 2.0 + o->bar.first, z = (c[1] + c[3]) / 2.0;
+    *part = (box){-size / 2.0, size / 2.0, 0.0};
+    EACH_LANE {
+        there->x[l] = at->x[l] + at->cos[l] * x - at->sin[l] * z;
+        there->z[l] = at->z[l] + at->sin[l] * x + at->cos[l] * z;
+        there->cos[l] = at->cos[l] * cosine - at->sin[l] * sine;
+        there->sin[l] = at->sin[l] * cosine + at->cos[l] * sine;
+    }
+    return c[4];
+}
+
+/* Takes into `least` the least over an object's parts of what MEASURE writes to `found`, less their radii. */
+#define EACH_PART(o, at, least, MEASURE)                                                           \
+    do {                                                                                           \
+        EACH_LANE (least)[l] = INFINITY;                                                           \
+        for (int64_t k_ = 0; k_ < ((o)->parts ? (o)->parts : 1); k_++) {                           \
+            box part;                                                                              \
+            pose there;                                                                            \
+            lane found;                                                                            \
+            double radius = part_of(o, at, k_, &part, &there);                                     \
+            MEASURE;                                                                               \
+            EACH_LANE {                                                                            \
+                double away = found[l] - radius;                                                   \
+                (least)[l] = LESSER((least)[l], away);                                             \
+            }                                                                                      \
+        }                                                                                          \
+    } while (0)
+
 static const int ALONG[5] = {0, 1, 1, 0, 0}, ACROSS[5] = {-1, -1, 1, 1, -1};
 
 /* Corner k of a box at poses. */
@@ -149,21 +205,20 @@ INLINE void from_column(const box *b, const pose *at, double radius, double heig
 }
 
 /* Takes up the least distance of bars from the column, if it is in their reach. */
-INLINE void near_column(const scene *s, const box *b, const pose *bar, double reach,
-                        const lane time, extreme *e)
+INLINE void near_column(const scene *s, const object *o, const pose *bar, const lane time, extreme *e)
 {
-    lane away, found;
+    lane away, distance;
     if (s->column_radius < 0.0)
         return;
     EACH_LANE {
         double aside = fabs(bar->x[l]) - s->column_radius, above = bar->z[l] - s->column_height;
         away[l] = GREATER(aside, above);
     }
-    if (!(least(away) < reach))
+    if (!(least(away) < o->reach))
         return;
-    from_column(b, bar, s->column_radius, s->column_height, found);
-    EACH_LANE found[l] = away[l] < reach ? found[l] : INFINITY;
-    lower(e, found, time);
+    EACH_PART(o, bar, distance, from_column(&part, &there, s->column_radius, s->column_height, found));
+    EACH_LANE distance[l] = away[l] < o->reach ? distance[l] : INFINITY;
+    lower(e, distance, time);
 }
 
 /* Hands at times [s], and heights of what moves lowest of arm and hand. */
@@ -326,17 +381,16 @@ INLINE void held_at(const throw *t, const pose *hand, const lane theta, pose *ba
     }
 }
 
-INLINE void hold(const scene *s, const box *bar, double reach, const pose *at, const lane time,
-                 measured *m)
+INLINE void hold(const scene *s, const object *o, const pose *at, const lane time, measured *m)
 {
-    lane found;
-    lowest_of(bar, at, found);
-    lower(&m->held, found, time);
-    near_column(s, bar, at, reach, time, &m->column_held);
+    lane height;
+    EACH_PART(o, at, height, lowest_of(&part, &there, found));
+    lower(&m->held, height, time);
+    near_column(s, o, at, time, &m->column_held);
 }
 
 /* From rest to the motion's end: arm and hand, and the bar until the pads open. */
-INLINE void carry(const throw *t, const box *bar, const box *body, double reach, measured *m)
+INLINE void carry(const throw *t, const object *o, const box *body, measured *m)
 {
     const scene *s = t->around;
     double until = t->motion->breaks[t->motion->pieces];
@@ -363,7 +417,7 @@ INLINE void carry(const throw *t, const box *bar, const box *body, double reach,
                 at.sin[l] = at.sin[last];
                 time[l] = time[last];
             }
-            hold(s, bar, reach, &at, time, m);
+            hold(s, o, &at, time, m);
         }
     }
     for (int64_t k = 0; k < t->nodes; k += LANES) {
@@ -377,7 +431,7 @@ INLINE void carry(const throw *t, const box *bar, const box *body, double reach,
             at.cos[l] = cos(t->com[2 * t->nodes + node]);
             at.sin[l] = sin(t->com[2 * t->nodes + node]);
         }
-        hold(s, bar, reach, &at, time, m);
+        hold(s, o, &at, time, m);
     }
 }
 
@@ -436,16 +490,15 @@ INLINE double room_in(const reference *r, const double *room, double first, doub
 
 /* The bar in flight beside the column and the hand's body. r: NULL, or what says where neither is near;
    near: then, whether any body may be. */
-INLINE void fly(const throw *t, const box *bar, const box *body, double reach, const reference *r,
-                measured *m, int *near)
+INLINE void fly(const throw *t, const object *o, const box *body, const reference *r, measured *m, int *near)
 {
     const scene *s = t->around;
-    double far = reach + s->palm_clearance
+    double far = o->reach + s->palm_clearance
         + hypot(GREATER(fabs(body->first), fabs(body->last)), body->half);
     double before = r ? off_reference(t, r, t->detach) : 0.0;
     int64_t piece = 0;
     for (int64_t k = 0; k < FLIGHT_SAMPLES; k += LANES) {
-        lane time, clock, theta, away, found;
+        lane time, clock, theta, away, gap;
         pose at, hand;
         EACH_LANE {
             time[l] = t->flight * ((double)(k + l) / (FLIGHT_SAMPLES - 1.0));
@@ -464,10 +517,10 @@ INLINE void fly(const throw *t, const box *bar, const box *body, double reach, c
         }
         flown(t, time, &at);
         if (column)
-            near_column(s, bar, &at, reach, clock, &m->column_flown);
+            near_column(s, o, &at, clock, &m->column_flown);
         if (!palm)
             continue;
-        hands_at(t, clock, &piece, &hand, theta, found);
+        hands_at(t, clock, &piece, &hand, theta, gap);
         mislead(t, clock, theta, &hand);
         EACH_LANE {
             double dx = at.x[l] - hand.x[l], dz = at.z[l] - hand.z[l];
@@ -475,34 +528,31 @@ INLINE void fly(const throw *t, const box *bar, const box *body, double reach, c
         }
         if (least(away) >= far * far)
             continue;
-        between(bar, &at, body, &hand, found);
-        EACH_LANE found[l] = away[l] < far * far ? GREATER(found[l], 0.0) : INFINITY;
-        lower(&m->palm, found, clock);
+        EACH_PART(o, &at, gap, between(&part, &there, body, &hand, found));
+        EACH_LANE gap[l] = away[l] < far * far ? GREATER(gap[l], 0.0) : INFINITY;
+        lower(&m->palm, gap, clock);
         for (int l = 0; l < LANES; l++)
-            if (found[l] <= GREATER(s->palm_clearance - 1e-6, 0.0))
+            if (gap[l] <= GREATER(s->palm_clearance - 1e-6, 0.0))
                 m->palm_time = fmin(m->palm_time, time[l]);
     }
 }
 
 /* Depth of the lowest corner below the rim's plane, `time` after detach. */
-INLINE void depths(const throw *t, const box *bar, const lane time, lane depth)
+INLINE void depths(const throw *t, const object *o, const lane time, lane depth)
 {
     pose at;
     flown(t, time, &at);
-    lowest_of(bar, &at, depth);
+    EACH_PART(o, &at, depth, lowest_of(&part, &there, found));
     EACH_LANE depth[l] = t->around->cup_rim - depth[l];
 }
 
-/* Clearance of the corners below the rim to the wall, and of the rim to the bar. */
-INLINE void clearances(const throw *t, const box *bar, const lane time, lane found)
+/* Clearance of the corners of a bar, or of a capsule's axis, below the rim to the wall, and of the rim to it. */
+INLINE void clearance_of(const scene *s, const box *bar, const pose *at, lane found)
 {
-    const scene *s = t->around;
-    pose at;
-    flown(t, time, &at);
     EACH_LANE found[l] = INFINITY;
     for (int k = 0; k < 4; k++) {
         lane x, z;
-        corner_of(bar, &at, k, x, z);
+        corner_of(bar, at, k, x, z);
         EACH_LANE {
             double free = s->cup_radius - fabs(x[l] - s->cup_x);
             free = z[l] <= s->cup_rim ? free : INFINITY;
@@ -511,8 +561,8 @@ INLINE void clearances(const throw *t, const box *bar, const lane time, lane fou
     }
     for (int side = -1; side <= 1; side += 2)
         EACH_LANE {
-            double x = s->cup_x + side * s->cup_radius - at.x[l], z = s->cup_rim - at.z[l];
-            double along = at.cos[l] * x + at.sin[l] * z, across = at.cos[l] * z - at.sin[l] * x;
+            double x = s->cup_x + side * s->cup_radius - at->x[l], z = s->cup_rim - at->z[l];
+            double along = at->cos[l] * x + at->sin[l] * z, across = at->cos[l] * z - at->sin[l] * x;
             double over = GREATER(bar->first - along, along - bar->last);
             double aside = fabs(across) - bar->half;
             over = GREATER(over, 0.0);
@@ -522,14 +572,22 @@ INLINE void clearances(const throw *t, const box *bar, const lane time, lane fou
         }
 }
 
+/* The least of them over the object's parts. */
+INLINE void clearances(const throw *t, const object *o, const lane time, lane nearest)
+{
+    pose at;
+    flown(t, time, &at);
+    EACH_PART(o, &at, nearest, clearance_of(t->around, &part, &there, found));
+}
+
 /* When between low and high [s] the depth passes a level. */
-INLINE double passes(const throw *t, const box *bar, double low, double high, double level)
+INLINE double passes(const throw *t, const object *o, double low, double high, double level)
 {
     for (int i = 0; i < BISECTIONS; i += 3) {
         /* Seven instants between the two: three bisections at once. */
         lane time, depth;
         EACH_LANE time[l] = low + (high - low) * (l + 1) / 8.0;
-        depths(t, bar, time, depth);
+        depths(t, o, time, depth);
         int first = 7;
         for (int l = 6; l >= 0; l--)
             if (depth[l] >= level)
@@ -545,7 +603,7 @@ INLINE double passes(const throw *t, const box *bar, double low, double high, do
    rim's plane until it is `cup_insertion` below, the least distance of outline and wall or rim, negative
    outside. -infinity for a bar that misses it. Where the outline passes the rim's height it is no nearer
    to the wall than the rim is to the bar. */
-INLINE double enter(const throw *given, const box *bar)
+INLINE double enter(const throw *given, const object *o)
 {
     double speed = given->around->cup_speed, seen[6];
     for (int i = 0; i < 6; i++)
@@ -558,7 +616,7 @@ INLINE double enter(const throw *given, const box *bar)
     for (int k = 0; k < COARSE; k += LANES) {
         lane time, found;
         EACH_LANE time[l] = (t->flight + BEYOND) * (k + l) / (COARSE - 1.0);
-        depths(t, bar, time, found);
+        depths(t, o, time, found);
         EACH_LANE {
             times[k + l] = time[l];
             depth[k + l] = found[l];
@@ -571,15 +629,15 @@ INLINE double enter(const throw *given, const box *bar)
         above = depth[k] < 0.0 ? k : above;
     if (above < 0)
         return -INFINITY;
-    double begin = passes(t, bar, times[above], times[above + 1], 0.0), found = INFINITY;
-    double end = passes(t, bar, times[deep - 1], times[deep], t->around->cup_insertion);
+    double begin = passes(t, o, times[above], times[above + 1], 0.0), found = INFINITY;
+    double end = passes(t, o, times[deep - 1], times[deep], t->around->cup_insertion);
     for (int round = 0; round < ROUNDS; round++) {
         double nearest = INFINITY, step = (end - begin) / (FINE - 1);
         int where = 0;
         for (int k = 0; k < FINE; k += LANES) {
             lane time, free;
             EACH_LANE time[l] = begin + (k + l) * step;
-            clearances(t, bar, time, free);
+            clearances(t, o, time, free);
             for (int l = 0; l < LANES; l++)
                 if (free[l] < nearest) {
                     nearest = free[l];
@@ -708,15 +766,14 @@ CLONES EXPORT double grip_use(const throw *t)
 CLONES EXPORT void measure(const throw *t, measured *m)
 {
     const scene *s = t->around;
-    const box bar = {-s->behind, s->ahead, s->half_width};
+    const object o = object_of(s);
     const box body = {-s->palm_back, -s->palm_front, s->palm_half_width};
-    double reach = hypot(GREATER(s->behind, s->ahead), s->half_width);
     const extreme far = {INFINITY, 0.0}, none = {0.0, 0.0};
     *m = (measured){largest_use(t), far, far, far, far, far, none, none, INFINITY, INFINITY, 0};
-    carry(t, &bar, &body, reach, m);
-    fly(t, &bar, &body, reach, NULL, m, NULL);
+    carry(t, &o, &body, m);
+    fly(t, &o, &body, NULL, m, NULL);
     if (s->cup_radius >= 0.0)
-        m->cup = enter(t, &bar);
+        m->cup = enter(t, &o);
     if (s->tool_length >= 0.0)
         m->speed = highest_speed(t);
     if (t->torques)
@@ -737,16 +794,15 @@ INLINE void poses_at(const double *rows, int64_t count, int64_t first, pose *at)
 
 CLONES EXPORT void column_distances(const scene *s, int64_t count, const double *com, double *found)
 {
-    const box bar = {-s->behind, s->ahead, s->half_width};
-    double reach = hypot(GREATER(s->behind, s->ahead), s->half_width);
+    const object o = object_of(s);
     for (int64_t k = 0; k < count; k += LANES) {
         pose at;
         lane distance;
         poses_at(com, count, k, &at);
-        from_column(&bar, &at, s->column_radius, s->column_height, distance);
+        EACH_PART(&o, &at, distance, from_column(&part, &there, s->column_radius, s->column_height, found));
         for (int l = 0; l < LANES && k + l < count; l++) {
             double aside = fabs(at.x[l]) - s->column_radius, above = at.z[l] - s->column_height;
-            found[k + l] = GREATER(aside, above) < reach ? distance[l] : INFINITY;
+            found[k + l] = GREATER(aside, above) < o.reach ? distance[l] : INFINITY;
         }
     }
 }
@@ -754,14 +810,14 @@ CLONES EXPORT void column_distances(const scene *s, int64_t count, const double 
 CLONES EXPORT void palm_distances(const scene *s, int64_t count, const double *com, const double *hand,
                                   double *found)
 {
-    const box bar = {-s->behind, s->ahead, s->half_width};
+    const object o = object_of(s);
     const box body = {-s->palm_back, -s->palm_front, s->palm_half_width};
     for (int64_t k = 0; k < count; k += LANES) {
-        pose at, there;
+        pose at, hand_at;
         lane distance;
         poses_at(com, count, k, &at);
-        poses_at(hand, count, k, &there);
-        between(&bar, &at, &body, &there, distance);
+        poses_at(hand, count, k, &hand_at);
+        EACH_PART(&o, &at, distance, between(&part, &there, &body, &hand_at, found));
         for (int l = 0; l < LANES && k + l < count; l++)
             found[k + l] = distance[l];
     }
@@ -775,10 +831,10 @@ EXPORT double flight_time(const double *start, double height, double gravity)
 CLONES EXPORT void cup_entries(const scene *s, int64_t count, const double *detach, const double *flight,
                                double *found)
 {
-    const box bar = {-s->behind, s->ahead, s->half_width};
+    const object o = object_of(s);
     for (int64_t k = 0; k < count; k++) {
         throw t = {.around = s, .start = detach + 6 * k, .flight = flight[k]};
-        found[k] = isfinite(flight[k]) ? enter(&t, &bar) : -INFINITY;
+        found[k] = isfinite(flight[k]) ? enter(&t, &o) : -INFINITY;
     }
 }
 
@@ -788,16 +844,15 @@ CLONES EXPORT void measure_flights(const throw *shared, const reference *r, int6
     for (int64_t k = 0; k < count; k++, found += 5) {
         scene around;
         throw t = throw_of(shared, flights + k, &around);
-        const box bar = {-around.behind, around.ahead, around.half_width};
+        const object o = object_of(&around);
         const box body = {-around.palm_back, -around.palm_front, around.palm_half_width};
-        double reach = hypot(GREATER(around.behind, around.ahead), around.half_width);
         int near = 0;
         measured m;
         m.column_flown = m.palm = (extreme){INFINITY, 0.0};
         m.palm_time = m.cup = INFINITY;
-        fly(&t, &bar, &body, reach, r, &m, &near);
+        fly(&t, &o, &body, r, &m, &near);
         if (around.cup_radius >= 0.0)
-            m.cup = enter(&t, &bar);
+            m.cup = enter(&t, &o);
         found[0] = m.column_flown.value;
         found[1] = m.palm.value;
         found[2] = m.palm_time;

@@ -138,12 +138,15 @@ typedef struct {
 typedef struct {
     double gravity, mass, inertia, com_offset, grasp_angle; /* m/s^2, kg, kg m^2, m, rad */
     double force, torque;                     /* limits under the full grip [N, N m] */
-    double behind, ahead, half_width;         /* the bar, from its CoM */
+    double behind, ahead, half_width;         /* the bar, from its CoM; or the rectangle around an outline */
+    int64_t parts;                            /* capsules of the object's outline; 0 for a bar */
+    const double *outline; /* [parts][5] m, both ends along and across the axis, from the end that `behind`
+                              leads to, and radius; NULL for a bar */
     double column_radius, column_height;
     double palm_back, palm_front, palm_half_width; /* the hand's body, from the pads' centre */
     double palm_clearance;
     double tool_length;                       /* from the flange to the pads' centre */
-    double cup_x, cup_rim, cup_radius, cup_insertion; /* the radius at the bar's width */
+    double cup_x, cup_rim, cup_radius, cup_insertion; /* a bar's radius is that at its width */
     double cup_speed;                         /* [m/s]; cup_x is where it is at the landing */
     const shape *shape;                       /* as of `release`; NULL for the ellipsoid */
 } scene;
@@ -213,16 +216,17 @@ typedef struct {
     int64_t bar;
 } solid;
 
-/* Arm and bar as capsules; the bar comes after the links. behind, ahead [m]: the bar's ends from its CoM;
-   com_offset [m], grasp_angle [rad]: of the held bar; landing [s]: before its end the bar may come as near
+/* Arm and object as capsules; the `bar` capsules of the object come after the links. behind, ahead [m]: a
+   bar's ends from its CoM; com_offset [m], grasp_angle [rad]: of the held bar; landing [s]: before its end the bar may come as near
    to a solid as it lands. */
 typedef struct {
     int64_t links, bar;
     const int64_t *moved_by; /* [links] the joint that moves it, -1 for none */
-    const int64_t *moves;    /* [links + 1] whether it moves */
+    const int64_t *moves;    /* [links + bar] whether it moves */
     const double *places;    /* [links][2][3] m, ends x, y, z, x and z along and up from that joint */
-    const double *radius;    /* [links + 1] m, as bodies meet each other */
-    const double *reach;     /* [links + 1] m, as solids meet them */
+    const double *radius;    /* [links + bar] m, as bodies meet each other */
+    const double *reach;     /* [links + bar] m, as solids meet them */
+    const double *outline;   /* [bar][5] as of `scene`; NULL for a bar */
     int64_t solids;
     const solid *around; /* [solids] */
     int64_t pairs;

@@ -65,14 +65,31 @@ def at_least(value: Any, limit: Any, scale: float = 1.0, known: float = 0.0) -> 
 
 
 @dataclass(frozen=True)
+class Capsule:
+    """A capsule: both ends (2, 2) [m] along and across the object's axis from the CoM, radius."""
+
+    ends: Array
+    radius: float
+
+    def placed(self, com: Array) -> tuple[Array, Array]:
+        """Both ends (K, 2) [m] for CoM poses (K, 3)."""
+        turn = np.exp(1j * com[:, 2])
+        at = (com[:, 0] + 1j * com[:, 1])[:, None] + turn[:, None] * (self.ends @ [1, 1j])
+        first, last = (np.column_stack([at[:, i].real, at[:, i].imag]) for i in (0, 1))
+        return first, last
+
+
+@dataclass(frozen=True)
 class Bar:
-    """A bar: distances of its ends from the CoM, half width, grasp angle and offset h."""
+    """A bar: distances of its ends from the CoM, half width, grasp angle and offset h; capsules of
+    an object with an outline, whose half width is that of the rectangle around it."""
 
     first: float
     last: float
     half: float
     angle: float
     offset: float
+    capsules: tuple[Capsule, ...] = ()
 
     @property
     def reach(self) -> float:
@@ -87,10 +104,59 @@ class Bar:
     def outline(self, com: Array) -> Array:
         return shapes.outline(com, self.first, self.last, self.half)
 
-    def axis(self, com: Array, plane: Plane) -> list[Array]:
-        """Both ends (K, 3) of the axis in the base frame."""
+    def axes(self, com: Array, plane: Plane) -> list[tuple[list[Array], float]]:
+        """Both ends (K, 3) in the base frame of the axes of bar or capsules, and radii around."""
+        if self.capsules:
+            return [
+                ([plane.points(*end.T) for end in part.placed(com)], part.radius)
+                for part in self.capsules
+            ]
         c, s = np.cos(com[:, 2]), np.sin(com[:, 2])
-        return [plane.points(com[:, 0] + e * c, com[:, 1] + e * s) for e in (self.first, self.last)]
+        ends = [plane.points(com[:, 0] + e * c, com[:, 1] + e * s) for e in (self.first, self.last)]
+        return [(ends, self.half * math.sqrt(2))]
+
+    def lowest(self, com: Array) -> Array:
+        """Height (K,) of the lowest point."""
+        if not self.capsules:
+            return np.asarray(self.outline(com)[..., 1].min(axis=1))
+        each = [np.minimum(*(end[:, 1] for end in c.placed(com))) - c.radius for c in self.capsules]
+        return np.asarray(np.min(each, axis=0))
+
+    def from_column(self, com: Array, radius: float, height: float) -> float:
+        """Least of max(|x| - radius, z - height) on the outline."""
+        if not self.capsules:
+            return float(shapes.from_column(self.outline(com), radius, height).min())
+        # A capsule's axis as an outline without width.
+        away = [
+            shapes.from_column(np.stack([*c.placed(com)] * 2, axis=1), radius, height) - c.radius
+            for c in self.capsules
+        ]
+        return float(np.min(away))
+
+    def from_palm(self, com: Array, palm: Array) -> float:
+        """Distance from the palm's outlines (K, 4, 2), below 0 inside."""
+        if not self.capsules:
+            return float(shapes.between_outlines(self.outline(com), palm).min(initial=math.inf))
+        found, edges = math.inf, (palm[:, None], np.roll(palm, -1, axis=1)[:, None])
+        for capsule in self.capsules:
+            first, last = capsule.placed(com)
+            axis = np.broadcast_arrays(first[:, None, None], last[:, None, None], *edges)
+            away = shapes.between_segments(*axis).min(axis=(1, 2))
+            away = np.where(shapes.inside(first, palm), 0.0, away) - capsule.radius
+            found = min(found, away.min(initial=math.inf))
+        return float(found)
+
+    def cup_room(self, com: Array, middle: Array, rim: float, radius: float) -> float:
+        """Least distance of what is below the rim from a cup's wall, and of all from its rim."""
+        found, edges = math.inf, [(middle + r, np.full(len(com), rim)) for r in (-radius, radius)]
+        for capsule in self.capsules:
+            ends = capsule.placed(com)
+            for end in ends:
+                wall = radius - np.abs(end[:, 0] - middle) - capsule.radius
+                found = min(found, wall[end[:, 1] <= rim].min(initial=math.inf))
+            away = [shapes.to_segment(np.column_stack(edge), *ends) for edge in edges]
+            found = min(found, float(np.min(away)) - capsule.radius)
+        return float(found)
 
 
 @dataclass(frozen=True)
@@ -215,22 +281,20 @@ class Around:
         since = np.linspace(0.0, flight.duration, FLIGHT)
         way = flight.at(since)
         if space is not None and space.floor is not None:
-            found["bar, floor"] = bar.outline(poses)[..., 1].min() - space.floor, 0.0
+            found["bar, floor"] = bar.lowest(poses).min() - space.floor, 0.0
         if space is not None and space.column_radius is not None:
             beside = max(abs(self.motion.plane.lateral) - bar.half, 0.0)
             if beside < space.column_radius:
                 size = math.sqrt(space.column_radius**2 - beside**2), space.column_height
                 for name, there in (("held", poses), ("flying", way)):
-                    away = shapes.from_column(bar.outline(there), *size).min()
-                    found[f"{name} bar, column"] = away, 0.0
+                    found[f"{name} bar, column"] = bar.from_column(there, *size), 0.0
         if self.moved is not None and space is not None and space.palm_clearance is not None:
             pose = self.motion.hand.at(flight.begins + since)[0]
             pose = pose + off[0] + off[1] * since[:, None]
             far = bar.reach + scene.arm.tool.palm_back + scene.object.length
             near = np.hypot(*(pose - way)[:, :2].T) < far
-            between = shapes.between_outlines(bar.outline(way[near]), self._palm(pose[near]))
-            kept = space.palm_clearance if planned else 0.0
-            found["flying bar, palm"] = between.min(initial=math.inf), kept
+            between = bar.from_palm(way[near], self._palm(pose[near]))
+            found["flying bar, palm"] = between, space.palm_clearance if planned else 0.0
         if scene.cup is not None:
             kept = max(scene.cup.clearance - CUP_NEAR, 0.0) if planned else 0.0
             found["cup"] = self._way_in(bar, flight), kept
@@ -238,11 +302,12 @@ class Around:
             ("held bar", poses, times),
             ("flying bar", way, flight.begins + since),
         ):
-            axis, flies = bar.axis(there, self.motion.plane), there is way
-            for other, away, kept in self._of_axis(
-                axis, at, bar.half * math.sqrt(2), flies, planned
-            ):
-                found[f"{name}, {other}"] = away, kept
+            flies = there is way
+            for axis, radius in bar.axes(there, self.motion.plane):
+                for other, away, kept in self._of_axis(axis, at, radius, flies, planned):
+                    key = f"{name}, {other}"
+                    if key not in found or away - kept < found[key][0] - found[key][1]:
+                        found[key] = away, kept
         return {
             name: at_least(*each, scene.object.length, DISTANCE) for name, each in found.items()
         }
@@ -279,8 +344,7 @@ class Around:
         cup = self.scene.cup
 
         def depth(since: Any) -> Array:
-            lowest = bar.outline(flight.at(np.atleast_1d(since)))[..., 1].min(axis=1)
-            return np.asarray(cup.rim - lowest)
+            return np.asarray(cup.rim - bar.lowest(flight.at(np.atleast_1d(since))))
 
         times = np.linspace(0.0, flight.duration + BEYOND, FLIGHT)
         below = depth(times)
@@ -292,10 +356,12 @@ class Around:
         begin = brentq(lambda t: depth(t)[0], times[first], times[first + 1])
         end = brentq(lambda t: depth(t)[0] - cup.insertion, times[last - 1], times[last])
         since = np.linspace(begin, end, WAY_IN)
+        middle = cup.x + self.speed * (flight.begins + since)
+        if bar.capsules:
+            return bar.cup_room(flight.at(since), middle, cup.rim, cup.radius)
         corners = bar.outline(flight.at(since))
         # The bar's thickness equals its width: a round cup is narrower off its middle.
         half = math.sqrt(cup.radius**2 - bar.half**2)
-        middle = cup.x + self.speed * (flight.begins + since)
         wall = half - np.abs(corners[..., 0] - middle[:, None])
         found = wall[corners[..., 1] <= cup.rim].min(initial=math.inf)
         for side in (-half, half):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .clearance import Around, Bar, Flight, Found, at_least, at_most
+from .clearance import Around, Bar, Capsule, Flight, Found, at_least, at_most
 from .motion import TICK, ArmMotion, Array, HandMotion, Samples
 from .release import Held, Released, released
 
@@ -190,7 +190,11 @@ class Oracle:
         """Clearances of throw i's bar; c: its parameters."""
         whole, com = self.scene.object, c["com_offset"] + self.scene.grasp.offset
         sizes = -com, whole.length - com, whole.width / 2
-        bar = Bar(*sizes, float(held.angle[i]), float(held.offset[i]))
+        parts = tuple(
+            Capsule(np.array([part.begin, part.end]) - [com, 0.0], part.radius)
+            for part in whole.outline
+        )
+        bar = Bar(*sizes, float(held.angle[i]), float(held.offset[i]), parts)
         carry = self.ticks[self.ticks < held.begins[i]]
         rows = np.append(np.arange(0, len(thrown.times) - 1, EVERY), len(thrown.times) - 1)
         carried = bar.held(self.hand.at(carry)[0]) + np.array([c["hand_x"], c["hand_z"], 0.0])

@@ -8,7 +8,7 @@ and writes, `throws` has measured throws, `urdf` makes arms from robots' files.
 from .arms import GripperData, load_arm
 from .calibration import Calibration, check_level, rank_of
 from .checks import InputError, ThrowplanError, check_arguments, checked
-from .grip import Grasp, Gripper, PadContact, ThrownObject
+from .grip import Grasp, Gripper, OutlinePart, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque
 from .poses import MANY_TURNS, Pose, Region, ThrowPlane
 from .scene import Mesh, Scene

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, overload
 
@@ -14,10 +15,35 @@ from ..models.release import GripProfile, LinearGrip, TableGrip
 from .checks import InputError, within
 from .section import Section, from_table, optional, quantity
 
+#: Largest number of capsules in an outline.
+MAX_PARTS = 12
+#: Ends of an outline [m] may be off `length` and `width` by this.
+ENDS_AGREE = 1e-4
+
+
+@dataclasses.dataclass(frozen=True)
+class OutlinePart(Section):
+    """A capsule of an object's outline. Points are [along, across] in the object's frame: in the
+    throw's plane, along its axis from the end nearer the grasp, and across it, up for a level
+    axis.
+    """
+
+    begin: tuple[float, ...] = quantity("m, [along, across] of the middle of one end")
+    end: tuple[float, ...] = quantity("m, that of the other")
+    radius: float = quantity("m", above=0, most=10, unit="m")
+
+    def check(self) -> None:
+        """Two numbers for each point."""
+        for key in ("begin", "end"):
+            if len(point := getattr(self, key)) != 2:
+                raise InputError(f"{key} = {list(point)}: must be [along, across]")
+
 
 @dataclasses.dataclass(frozen=True)
 class ThrownObject(Section):
-    """The bar: a rigid body with its mass along a long axis. Required."""
+    """The object: a rigid body whose axis goes from the grasp to the CoM; a bar, or with `outline`
+    any shape. Required.
+    """
 
     mass: float = quantity("kg", above=0, most=1e4)
     length: float = quantity("m, along the axis", above=0, most=100, unit="m")
@@ -31,13 +57,55 @@ class ThrownObject(Section):
         default=None,
     )
     width: float = quantity(
-        "m, across the axis; at most ten times `length`", least=0, most=100, unit="m", default=0.0
+        "m, across the axis; at most ten times `length`; with `outline` left out: as far as that "
+        "reaches",
+        least=0,
+        most=100,
+        unit="m",
+        default=0.0,
+    )
+    outline: tuple[OutlinePart, ...] = quantity(
+        "capsules `{ begin = [along, across], end = [along, across], radius }` in m that cover the "
+        "object, for all clearances; along the axis from 0 to `length`, across it up for a level "
+        "axis. Left out: a bar of `length` and `width`, as thick as wide",
+        default=(),
+    )
+    mesh: str | None = optional(
+        "STL file for the 3-D view and MuJoCo, as `import-object` writes: binary, in m, in the "
+        "frame of `outline`, its y across the throw's plane; only with `outline`"
     )
 
-    @property
+    @functools.cached_property
+    def capsules(self) -> Array:
+        """The outline (K, 5) [m]: along and across of both ends, from the end nearer the grasp, and
+        radius; K = 0 for a bar."""
+        rows = [[*part.begin, *part.end, part.radius] for part in self.outline]
+        return np.array(rows, float).reshape(-1, 5)
+
+    def least_cup(self, reserve: float) -> tuple[float, str]:
+        """Radius [m] of the narrowest cup that it fits into with a `reserve` [m] around, and for
+        what that is. Thickness and width of a bar are equal; a round cup is narrower off its
+        middle."""
+        if self.outline:
+            return max(self.capsules[:, 4]) + reserve, "the largest radius of the outline"
+        return math.hypot(self.width / 2 + reserve, self.width / 2), "half the bar's width"
+
+    def lowest_end(self, theta: float) -> tuple[float, float, float]:
+        """The lowest end of an outline's capsules at an angle [rad]: along and across the axis [m]
+        from the CoM, and radius [m]."""
+        ends, radii = self.capsules[:, :4].reshape(-1, 2), self.capsules[:, 4].repeat(2)
+        low = int((ends @ [np.sin(theta), np.cos(theta)] - radii).argmin())
+        return float(ends[low, 0]) - self.com, float(ends[low, 1]), float(radii[low])
+
+    @functools.cached_property
     def half_length(self) -> float:
-        """Half the length [m]: the lever of the angle in the pose error (39)."""
-        return self.length / 2
+        """Half the length [m], or half the greatest extent of an outline: the lever of the angle in
+        the pose error (39)."""
+        if not self.outline:
+            return self.length / 2
+        ends, radii = self.capsules[:, :4].reshape(-1, 2), np.repeat(self.capsules[:, 4], 2)
+        away = np.linalg.norm(ends[:, None] - ends, axis=2) + radii[:, None] + radii
+        return float(away.max()) / 2
 
     @overload
     def pose_error(self, dx: float, dtheta: float) -> float: ...
@@ -53,8 +121,31 @@ class ThrownObject(Section):
         """
         return abs(dx) + abs(dtheta) * self.half_length
 
+    def _check_outline(self) -> None:
+        """The outline is as long as the object; its width is the object's."""
+        if not 1 <= len(self.outline) <= MAX_PARTS:
+            raise InputError(f"outline: must have at most {MAX_PARTS} capsules")
+        x, radii = self.capsules[:, [0, 2]], self.capsules[:, 4:]
+        first, last = float((x - radii).min()), float((x + radii).max())
+        if max(abs(first), abs(last - self.length)) > ENDS_AGREE:
+            raise InputError(
+                f"outline: reaches along the axis from {first:.4g} to {last:.4g} m: must be from 0 "
+                f"to length = {self.length:g}"
+            )
+        width = 2 * float((np.abs(self.capsules[:, [1, 3]]) + radii).max())
+        if self.width and abs(self.width - width) > ENDS_AGREE:
+            raise InputError(
+                f"width = {self.width:g}: must be {width:.4g} or left out: the outline reaches "
+                "half of that from the axis"
+            )
+        object.__setattr__(self, "width", width)
+
     def check(self) -> None:
         """CoM inside the bar; inertia not above the two-point-mass bound for that CoM."""
+        if self.outline:
+            self._check_outline()
+        elif self.mesh is not None:
+            raise InputError("mesh: only with outline, by which clearances are judged")
         if self.com > self.length:
             raise InputError(f"com = {self.com:g}: must be at most the length {self.length:g} m")
         if self.width > 10 * self.length:
@@ -62,6 +153,8 @@ class ThrownObject(Section):
                 f"width = {self.width:g}: must be at most ten times the length {self.length:g} m "
                 "(is it in mm?)"
             )
+        if self.outline and self.inertia is None:
+            raise InputError("key 'inertia' is missing: with outline there is no default")
         largest = self.mass * (self.com * (self.length - self.com) + self.width**2 / 4)
         if self.inertia is None:
             uniform = self.mass * (self.length**2 + self.width**2) / 12

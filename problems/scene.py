@@ -191,13 +191,11 @@ class Scene(Section):
         cup = self.cup
         if cup is None:
             return
-        # Thickness and width of the bar are equal; a round cup is narrower off its middle.
-        half = self.object.width / 2
-        need = math.hypot(half + cup.clearance + 0.001, half)
+        need, what = self.object.least_cup(cup.clearance + 0.001)
         if cup.radius <= need:
             raise InputError(
-                f"[cup] radius = {cup.radius:g}: must be above {need:.4g}, for half the bar's "
-                "width, the clearance and 1 mm"
+                f"[cup] radius = {cup.radius:g}: must be above {need:.4g}, for {what}, "
+                "the clearance and 1 mm"
             )
         if self.target is not None:
             cup.check_target(self.target)
@@ -221,6 +219,13 @@ class Scene(Section):
     def _outside_cup(self, cup: Cup, x: float, z: float, theta: float) -> str:
         """Why a bar with its CoM at x, z cannot have entered the cup; empty if it can."""
         cos, sin, bar = math.cos(theta), math.sin(theta), self.object
+        error = self.tolerance.position + bar.length * self.tolerance.angle
+        if bar.outline:
+            # Only the place of the lowest end: the plan finds whether the rest fits.
+            along, across, radius = bar.lowest_end(theta)
+            depth = cup.rim - (z + along * sin + across * cos - radius)
+            off = abs(x + along * cos - across * sin - cup.x)
+            return cup.why_outside(off, depth, error) if depth > 0.0 else ""
         along = min(-bar.com, bar.length - bar.com, key=lambda s: s * sin)
         x, z = x + along * cos, z + along * sin
         if z >= cup.rim:
@@ -228,13 +233,7 @@ class Scene(Section):
         # From the lower end up to the rim plane, or to the other end.
         up = min((cup.rim - z) / abs(sin), bar.length) if sin else bar.length
         mouth = x - math.copysign(up, along) * cos
-        off = max(abs(x - cup.x), abs(mouth - cup.x))
-        error = self.tolerance.position + bar.length * self.tolerance.angle
-        if off > cup.radius + error:
-            return f"{off:.3g} m off its centre, radius {cup.radius:g} m"
-        if z < cup.rim - cup.depth - error:
-            return f"{cup.rim - z:.3g} m below its rim, depth {cup.depth:g} m"
-        return ""
+        return cup.why_outside(max(abs(x - cup.x), abs(mouth - cup.x)), cup.rim - z, error)
 
     def replace(self, **changes: Any) -> Scene:
         """A copy with the given sections changed, e.g. ``scene.replace(target=Pose(...))``."""

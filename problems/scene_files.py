@@ -130,7 +130,20 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
             return uncertainty_from(value)
         if key == "target" and list in {type(value.get("x")), type(value.get("theta_deg"))}:
             return from_table(Region, value)
-        return held_object(value) if key == "object" else from_table(SECTIONS[key], value)
+        if key == "object":
+            return held_object(_with_mesh(value, folder))
+        return from_table(SECTIONS[key], value)
+
+
+def _with_mesh(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
+    """[object] with its mesh as a full path: plans are read elsewhere."""
+    name = table.get("mesh")
+    if not isinstance(name, str) or folder is None:
+        return dict(table)
+    path = (folder / name).resolve()
+    if not path.is_file():
+        raise InputError(f"mesh = {name}: no such file")
+    return {**table, "mesh": str(path)}
 
 
 def _grip_of(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:

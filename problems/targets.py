@@ -92,6 +92,15 @@ class Cup(Section):
                 f"insertion = {self.insertion:g}: must be at most the depth {self.depth:g}"
             )
 
+    def why_outside(self, off: float, depth: float, error: float) -> str:
+        """Why an end is not in the cup: `off` [m] its middle, `depth` [m] below its rim, each to
+        an `error` [m]; empty if it is."""
+        if off > self.radius + error:
+            return f"{off:.3g} m off its centre, radius {self.radius:g} m"
+        if depth > self.depth + error:
+            return f"{depth:.3g} m below its rim, depth {self.depth:g} m"
+        return ""
+
     def check_target(self, target: Pose) -> None:
         """InputError if the target leaves open which end goes in."""
         if target.theta is None:

@@ -81,9 +81,9 @@ class SweptBodies:
         return self.radius + self.cover
 
     @property
-    def core(self) -> tuple[int, bool, bool]:
-        """Number of instants, whether the bar is among the bodies, and whether it flies."""
-        return self.times.size, BAR in self.names, self.flying
+    def core(self) -> tuple[int, int, bool]:
+        """Number of instants, how many of the bodies are the object's, and whether it flies."""
+        return self.times.size, self.names.count(BAR), self.flying
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class CollisionScene:
     @property
     def pairs(self) -> list[tuple[int, int]]:
         """Bodies of the arm, and last the bar, that must not meet: see `_pairs_of`."""
-        return [] if self.arm is None else _pairs_of(self.arm)
+        return [] if self.arm is None else _pairs_of(self.arm, len(bar_radii(self.scene.object)))
 
     def core(self, hand_error: float = 0.0) -> BodiesC:
         """Scene, arm and bar for the compiled core; hand_error [rad]: of the hand's angle."""
@@ -145,10 +145,11 @@ class CollisionScene:
             radius += self.capsules.radius.tolist()
             cover += [self.capsules.arm.arm.cover] * len(names)
         if com is not None:
-            names.append(BAR)
+            radii = bar_radii(self.scene.object)
+            names += [BAR] * len(radii)
             ends.append(bar_ends(self.scene.object, com))
-            radius.append(_bar_radius(self.scene.object))
-            cover.append(0.0)
+            radius += radii
+            cover += [0.0] * len(radii)
         placed = np.concatenate(ends) if ends else np.zeros((0, 2, 3, times.size))
         return SweptBodies(tuple(names), placed, np.array(radius), np.array(cover), times, flying)
 
@@ -185,7 +186,7 @@ class CollisionScene:
 
     def obstacle_around(self, ends: Array, radius: float) -> KeepOut | None:
         """The first obstacle that contains part of a capsule of ends (2, 3) and radius [m]."""
-        bar = _bar_radius(self.scene.object)
+        bar = bar_radii(self.scene.object)[0]
         still = SweptBodies((BAR,), ends[None, ..., None], np.full(1, bar), *np.zeros((2, 1)))
         for thing in self.things:
             alone = CollisionScene(self.scene, (replace(thing, clearance=radius - bar),), None)
@@ -204,16 +205,17 @@ def _floor(height: float) -> KeepOut:
     return KeepOut("floor", plate, 0.0, bar=False)
 
 
-def _bar_radius(bar: ThrownObject) -> float:
-    """Distance [m] of the bar's edges from its axis; its thickness equals its width."""
-    return bar.width / math.sqrt(2)
+def bar_radii(bar: ThrownObject) -> list[float]:
+    """Radii [m] of the object's capsules: of its outline, or the distance of a bar's edges from its
+    axis, as its thickness equals its width."""
+    return [part.radius for part in bar.outline] or [bar.width / math.sqrt(2)]
 
 
-def _pairs_of(capsules: ArmCapsules) -> list[tuple[int, int]]:
+def _pairs_of(capsules: ArmCapsules, parts: int) -> list[tuple[int, int]]:
     """Pairs of bodies, as indices in a track, that move relative to each other and do not adjoin.
 
-    Links whose numbers differ by at most 2 adjoin. The bar is last; it has no pair with the hand,
-    since `palm_distance` measures that.
+    Links whose numbers differ by at most 2 adjoin. The object's parts are last; they have no pair
+    with the hand, since `palm_distance` measures that.
     """
     count, moved, number = len(capsules.number), capsules.moved_by, capsules.number
     found = [
@@ -221,24 +223,27 @@ def _pairs_of(capsules: ArmCapsules) -> list[tuple[int, int]]:
         for i, j in itertools.combinations(range(count), 2)
         if moved[i] != moved[j] and abs(number[i] - number[j]) > 2
     ]
-    return found + [(i, count) for i in range(count) if moved[i] != moved[-1]]
+    apart = [i for i in range(count) if moved[i] != moved[-1]]
+    return found + [(i, count + part) for part in range(parts) for i in apart]
 
 
 @lru_cache(maxsize=8)
 def _shape(capsules: ArmCapsules | None, bar: ThrownObject) -> BodiesC:
     """Arm, in the plane at azimuth 0, and bar for the compiled core."""
-    links = 0 if capsules is None else len(capsules.number)
-    moved_by, moves = np.zeros(links, np.int64), np.ones(links + 1, np.int64)
+    links, parts = 0 if capsules is None else len(capsules.number), bar_radii(bar)
+    moved_by, moves = np.zeros(links, np.int64), np.ones(links + len(parts), np.int64)
     places, pairs = np.zeros((links, 2, 3)), np.zeros((0, 2), np.int64)
-    radius, cover = np.full(links + 1, _bar_radius(bar)), np.zeros(links + 1)
+    radius, cover = np.array([0.0] * links + parts), np.zeros(links + len(parts))
     if capsules is not None:
-        moved_by[:], moves[:-1], places[:] = capsules.moved_by, capsules.moves, capsules.places
-        radius[:-1], cover[:-1] = capsules.radius, capsules.arm.arm.cover
-        pairs = np.array(_pairs_of(capsules), np.int64).reshape(-1, 2)
-    found = BodiesC(links=links, bar=1, pairs=len(pairs), landing=LANDING)
+        moved_by[:], moves[:links], places[:] = capsules.moved_by, capsules.moves, capsules.places
+        radius[:links], cover[:links] = capsules.radius, capsules.arm.arm.cover
+        pairs = np.array(_pairs_of(capsules, len(parts)), np.int64).reshape(-1, 2)
+    found = BodiesC(links=links, bar=len(parts), pairs=len(pairs), landing=LANDING)
     found.behind, found.ahead = bar.com, bar.length - bar.com
     body = {"moved_by": moved_by, "moves": moves, "meet": pairs, "places": places}
     found.attach(**body, radius=radius, reach=radius + cover)
+    if bar.outline:
+        found.attach(outline=bar.capsules)
     return found
 
 
@@ -248,9 +253,9 @@ def contacts(throw: Throw) -> list[Clearance]:
         return []
     around = CollisionScene.of(throw.scene, throw.manipulator)
     bodies = around.core(throw.error.theta)
-    found = np.empty((3 * (bodies.solids * (bodies.links + 1) + bodies.pairs), CONTACT))
+    found = np.empty((3 * (bodies.solids * (bodies.links + bodies.bar) + bodies.pairs), CONTACT))
     count = library().near_bodies(throw.core, bodies, found)
-    names = (*(() if around.arm is None else around.arm.names), BAR)
+    names = (*(() if around.arm is None else around.arm.names), *[BAR] * bodies.bar)
     return around.list_clearances(names, found, count)
 
 
@@ -289,10 +294,14 @@ def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
     assert target is not None
     around = CollisionScene.of(scene, manipulator)
     x, theta = target.grid(9)
-    places = np.moveaxis(bar_ends(bar, np.array([x, np.full(x.size, target.z), theta]))[0], -1, 0)
+    # A bar is judged by its middle half.
+    radii = [part.radius / 2 for part in bar.outline] or [bar.width / 4]
+    places = np.moveaxis(bar_ends(bar, np.array([x, np.full(x.size, target.z), theta])), -1, 0)
     if target.theta is None:
-        places[:] = np.array([x, 0.0 * x, np.full(x.size, target.z)]).T[:, None]
-    inside = [around.obstacle_around(ends, bar.width / 4) for ends in places]
+        places[:] = np.array([x, 0.0 * x, np.full(x.size, target.z)]).T[:, None, None]
+    inside = [
+        next(filter(None, map(around.obstacle_around, parts, radii)), None) for parts in places
+    ]
     if (thing := inside[0]) is not None and all(inside):
         raise InputError(f"{scene.place}: the target's pose is inside {thing.words}")
     capsules = around.capsules

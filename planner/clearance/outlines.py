@@ -22,8 +22,17 @@ def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:
     return _placed(com, along, np.repeat([-bar.width / 2, bar.width / 2], points))
 
 
+def outline_ends(bar: ThrownObject, com: Array) -> Array:
+    """Ends (2, N, 2 * K) of the K capsules of an outline for CoM poses (3, N)."""
+    along, across = bar.capsules[:, :4].reshape(-1, 2).T
+    return _placed(com, along - bar.com, across)
+
+
 def lowest_of_bar(bar: ThrownObject, com: Array) -> Array:
-    """Height [m] (N,) of the bar's lowest corner for CoM poses (3, N)."""
+    """Height [m] (N,) of the object's lowest point for CoM poses (3, N)."""
+    if bar.outline:
+        heights = outline_ends(bar, com)[1] - np.repeat(bar.capsules[:, 4], 2)
+        return np.asarray(heights.min(axis=1))
     return np.asarray(bar_outline(bar, com)[1].min(axis=1))
 
 
@@ -69,7 +78,11 @@ def column_distance(bar: ThrownObject, com: Array, radius: float, height: float)
 
 
 def _scene(bar: ThrownObject) -> SceneC:
-    return SceneC(behind=bar.com, ahead=bar.length - bar.com, half_width=bar.width / 2)
+    found = SceneC(behind=bar.com, ahead=bar.length - bar.com, half_width=bar.width / 2)
+    if bar.outline:
+        found.parts = len(bar.outline)
+        found.attach(outline=bar.capsules)
+    return found
 
 
 def tool_speeds(tool: Tool, pose: Array, twist: Array) -> Array:
@@ -84,7 +97,11 @@ def held_bar(scene: Scene, hand: Array) -> Array:
 
 
 def bar_ends(bar: ThrownObject, com: Array) -> Array:
-    """Ends (1, 2, 3, N) of the bar's axis for CoM poses (3, N)."""
+    """Ends (K, 2, 3, N) of the axes of the object's K capsules, one for a bar, for CoM poses
+    (3, N)."""
+    if bar.outline:
+        placed = outline_ends(bar, com).reshape(2, com.shape[1], -1, 2).transpose(2, 3, 0, 1)
+        return np.stack([placed[:, :, 0], np.zeros_like(placed[:, :, 0]), placed[:, :, 1]], axis=2)
     ends, along = np.zeros((1, 2, 3, com.shape[1])), np.array([-bar.com, bar.length - bar.com])
     ends[0, :, ::2] = _placed(com, along, np.zeros(2)).transpose(2, 0, 1)
     return ends

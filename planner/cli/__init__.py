@@ -19,7 +19,7 @@ from ... import __version__
 from ...core import CoreError
 from ...interrupts import INTERRUPTS, leave
 from ...problems import InputError
-from . import import_robot, measured, robots, saved_plans, scenes
+from . import import_object, import_robot, measured, robots, saved_plans, scenes
 from .common import DONE, WRONG_INPUT, Parser, Progress
 
 #: The functions of each command, in the order of the help.
@@ -37,6 +37,7 @@ COMMANDS = {
     "correct": (robots.correct_arguments, robots.correct),
     "export": (saved_plans.export_arguments, saved_plans.export),
     "import-robot": (import_robot.arguments, import_robot.run),
+    "import-object": (import_object.arguments, import_object.run),
     "measure-gripper": (robots.measure_gripper_arguments, robots.measure_gripper),
     "make-throws": (measured.make_throws_arguments, measured.make_synthetic),
     "identify": (measured.identify_arguments, measured.identify_models),

@@ -160,6 +160,7 @@ def build_nlp(request: Request) -> ThrowNlp:
         elastic=request.elastic > 0.0,
         robust=bool(request.robust),
         calibrated=scene.calibration is not None,
+        parts=len(scene.object.outline),
     )
     ocp = Ocp(structure, manipulator)
     landing = ThrowProblem(ocp, constraints).declare()
@@ -217,6 +218,7 @@ def _common_values(request: Request) -> dict[str, Any]:
         "ahead": scene.object.length - scene.object.com,
         "behind": scene.object.com,
         "half_width": scene.object.width / 2,
+        "outline": (scene.object.capsules - [*[scene.object.com, 0.0] * 2, 0.0]).ravel(),
         "target_x": target.plane_x,
         "target_z": target.z,
         "target_theta": 0.0 if target.theta is None else target.theta,

@@ -17,7 +17,7 @@ import numpy as np
 from ...models import FlightState, held_wrench
 from .request import Request
 from .stages import Stage
-from .transcription import Hand, Interval, Node, Ocp, Scope
+from .transcription import Hand, Interval, Node, Ocp, OutlinePoint, Scope
 
 #: Share of the acceleration limit that the brake uses.
 BRAKE_SHARE = 0.95
@@ -63,6 +63,13 @@ class Instant(Scope):
         reach = self.ocp.body.com_offset + self.p("ahead")
         cos, sin = ca.cos(theta), ca.sin(theta)
         return pose[0] + reach * cos, pose[1] + reach * sin, cos, sin
+
+    def held_points(self, count: int = 2) -> list[tuple[ca.SX, ca.SX, OutlinePoint]]:
+        """x, z [m] of `count` points on each capsule of the held object's outline."""
+        pose, theta = self.hand[0], self.hand[0][2] + self.ocp.grasp_angle
+        cos, sin, h = ca.cos(theta), ca.sin(theta), self.ocp.body.com_offset
+        com, points = (pose[0] + h * cos, pose[1] + h * sin), self.ocp.outline_points(count)
+        return [(*point.placed(*com, cos, sin), point) for point in points]
 
     @property
     def held_margin(self) -> ca.SX:

@@ -41,7 +41,8 @@ class Structure:
     starts from a given motion instead of rest. pivot: whether the object's rotation in the pads
     matters (not for a CoM grasp with the landing angle open). ranges: whether the target is a range
     of x, of theta. robust: whether it is of a robust plan, whose window may be empty. calibrated:
-    whether the flight has the bias of [calibration].
+    whether the flight has the bias of [calibration]. parts: number of capsules of the object's
+    outline, 0 for a bar.
     """
 
     carry: int
@@ -60,6 +61,7 @@ class Structure:
     elastic: bool
     robust: bool
     calibrated: bool
+    parts: int
 
     @property
     def opens(self) -> int:

@@ -14,9 +14,9 @@ stability limits step / epsilon.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -122,10 +122,39 @@ class Ocp:
             return state
         return [state[0], state[1], self.grasp_angle, state[2], state[3], ca.SX(0)]
 
-    def along_bar(self) -> Sequence[ca.SX]:
-        """Points of the bar's axis [m] from the CoM: its ends, and between them."""
+    def along_bar(self) -> list[OutlinePoint]:
+        """Points of a bar's axis: its ends, and between them. Of an outline: `outline_points`."""
+        if self.structure.parts:
+            return self.outline_points(3)
         ahead, behind = self.parameters("ahead"), self.parameters("behind")
-        return [ahead, ahead / 2, ca.SX(0), -behind / 2, -behind]
+        return [OutlinePoint(at) for at in (ahead, ahead / 2, ca.SX(0), -behind / 2, -behind)]
+
+    def outline_points(self, count: int) -> list[OutlinePoint]:
+        """`count` even points on the axis of each capsule of the object's outline."""
+        rows = self.parameters("outline", 5 * self.structure.parts)
+        points = list[OutlinePoint]()
+        for part in ca.vertsplit(rows, 5):
+            for share in np.linspace(0.0, 1.0, count).tolist():
+                at = (1 - share) * part[:2] + share * part[2:4]
+                points.append(OutlinePoint(at[0], at[1], part[4]))
+        return points
+
+
+@dataclass(frozen=True)
+class OutlinePoint:
+    """A point of the object [m] along and across its axis, from the CoM, and the radius [m] of the
+    outline around it; 0 for a bar, whose edges depend on its angle."""
+
+    along: ca.SX
+    across: Any = 0.0
+    radius: Any = 0.0
+
+    def placed(self, x: Any, z: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
+        """Its x, z [m] for a CoM at x, z and the axis' angle."""
+        return (
+            x + self.along * cos - self.across * sin,
+            z + self.along * sin + self.across * cos,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import importlib
+import itertools
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...models import Array
 from ...models.robot import Solid
-from ...problems import Cup, InputError, Scene
+from ...problems import Cup, InputError, Scene, ThrownObject
+from ...problems.meshes import mesh_parts, read_stl
 from ..clearance import reach_of_bar
 
 #: Thickness [m] of the cup's wall and bottom.
@@ -75,12 +78,10 @@ class ContactModel:
         flying.add_freejoint()
         flying.explicitinertial, flying.mass = True, bar.mass
         flying.inertia = [slender, bar.inertia, bar.inertia]
-        size, middle = [bar.length / 2, width / 2, width / 2], bar.length / 2 - bar.com
-        box = mujoco.mjtGeom.mjGEOM_BOX
         others = [geom.name for geom in spec.geoms]
-        flying.add_geom(name="bar", type=box, size=size, pos=[middle, 0, 0])
-        for name in others:
-            pair = spec.add_pair(geomname1="bar", geomname2=name, condim=3)
+        own = _add_object(spec, flying, bar)
+        for part, name in itertools.product(own, others):
+            pair = spec.add_pair(geomname1=part, geomname2=name, condim=3)
             pair.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2]
             pair.solreffriction = [-1e-6, -1.0 / step]
         made = cls(spec.compile(), step)
@@ -107,11 +108,44 @@ class ContactModel:
         return np.column_stack([zero, *pose, v_x, zero, v_z, zero, -omega, zero])
 
 
-def pose_of(states: Array) -> tuple[Array, Array]:
-    """CoM [m] and axis, from grasped end to the other, (..., 3) of MuJoCo's states (..., 14)."""
+def _add_object(spec: Any, flying: Any, bar: ThrownObject) -> list[str]:
+    """The shape of the flying object; returns its geoms' names.
+
+    A bar is a box, at least 1 mm thick; an outline its capsules. MuJoCo collides convex
+    hulls of meshes: one for the part of the mesh in each capsule.
+    """
+    kinds = load_mujoco().mjtGeom
+    if not bar.outline:
+        width = max(bar.width, 0.001)
+        size, middle = [bar.length / 2, width / 2, width / 2], bar.length / 2 - bar.com
+        flying.add_geom(name="bar", type=kinds.mjGEOM_BOX, size=size, pos=[middle, 0, 0])
+        return ["bar"]
+    if bar.mesh is not None:
+        hulls = mesh_parts(read_stl(Path(bar.mesh)), bar, bar.mesh)
+        for number, points in enumerate(hulls):
+            name = f"{number} bar"
+            mesh = spec.add_mesh(name=name, uservert=(points - [bar.com, 0, 0]).ravel())
+            mesh.inertia = load_mujoco().mjtMeshInertia.mjMESH_INERTIA_CONVEX
+            flying.add_geom(name=name, type=kinds.mjGEOM_MESH, meshname=name)
+        return [f"{number} bar" for number in range(len(hulls))]
+    for number, row in enumerate(bar.capsules - [bar.com, 0, bar.com, 0, 0]):
+        # A capsule of no length is a ball.
+        flying.add_geom(
+            name=f"{number} bar",
+            type=kinds.mjGEOM_CAPSULE,
+            size=[row[4], 0, 0],
+            fromto=[row[0], 0, row[1], row[2] + 1e-6, 0, row[3]],
+        )
+    return [f"{number} bar" for number in range(len(bar.outline))]
+
+
+def pose_of(states: Array) -> tuple[Array, Array, Array]:
+    """CoM [m], axis from grasped end to the other, and direction across it in the throw's plane,
+    up for a level axis, (..., 3) of MuJoCo's states (..., 14)."""
     w, a, b, c = np.moveaxis(states[..., 4:8], -1, 0)
     axis = np.stack([1 - 2 * (b * b + c * c), 2 * (a * b + w * c), 2 * (a * c - w * b)], axis=-1)
-    return states[..., 1:4], axis
+    up = np.stack([2 * (a * c + w * b), 2 * (b * c - w * a), 1 - 2 * (a * a + b * b)], axis=-1)
+    return states[..., 1:4], axis, up
 
 
 def plane_poses(states: Array, theta: float) -> Array:
@@ -119,7 +153,7 @@ def plane_poses(states: Array, theta: float) -> Array:
 
     theta is the angle of the axis seen across the plane, with its turns: about the given at first.
     """
-    com, axis = pose_of(states)
+    com, axis, _ = pose_of(states)
     angles = np.unwrap(np.arctan2(axis[:, 2], axis[:, 0]))
     angles += 2 * np.pi * round((theta - angles[0]) / (2 * np.pi))
     return np.array([com[:, 0], com[:, 2], angles])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, Flags, FlightState
-from ...problems import Cup, Scene
+from ...problems import Cup, Scene, ThrownObject
 from ..clearance import reach_of_bar
 from .contact_model import ContactModel, floor_of, load_mujoco, plane_poses, pose_of
 
@@ -43,7 +43,7 @@ SETTINGS = RolloutSettings()
 class Ends:
     """The ends of N flights, in the throw's plane.
 
-    com [m], axis (N, 3): CoM, and direction from the grasped end to the other; at_rest, entered
+    com [m], axis, up (N, 3): CoM, and directions as of `pose_of`; at_rest, entered
     (N,): whether the bar rests, and whether its lower end was in the cup on the way; lost (N,):
     whether it is beside and below the wanted place, and was not followed to rest; stays (N,):
     whether it was at the wanted place all the last second, as a bar that rocks there.
@@ -51,6 +51,7 @@ class Ends:
 
     com: Array
     axis: Array
+    up: Array
     at_rest: Flags
     entered: Flags
     lost: Flags
@@ -58,7 +59,7 @@ class Ends:
 
     def where_wanted(self, scene: Scene) -> Flags:
         """Flags (N,): at rest where [rest] wants the object, or there all the last second."""
-        return self.stays | self.at_rest & _is_there(scene, self.com, self.axis)
+        return self.stays | self.at_rest & _is_there(scene, self.com, self.axis, self.up)
 
 
 def entry_states(scene: Scene, detach: Array) -> tuple[Array, Array]:
@@ -109,12 +110,12 @@ def _roll(
             kept += [path] if keep else []
             now[running] = path[:, -1]
             at_rest[running] = is_still(path[:, -round(SETTINGS.still_time / SETTINGS.step) :])
-            com, axis = pose_of(path)
+            com, *directions = pose_of(path)
             if scene.cup is not None:
-                entered[running] |= enters_cup(scene, scene.cup, com, axis).any(axis=1)
+                entered[running] |= enters_cup(scene, scene.cup, com, *directions).any(axis=1)
             falls = path[:, -1, 10] < 0.0
             lost[running] = falls & _is_lost(scene, com[:, -1])
-            there = _is_there(scene, com, axis).all(axis=1)
+            there = _is_there(scene, com, *directions).all(axis=1)
             since[running] = np.where(there, since[running] + SETTINGS.stretch, 0.0)
             running = running[~(at_rest | lost)[running]]
     return Ends(*pose_of(now), at_rest, entered, lost, since >= SETTINGS.settled), kept
@@ -160,27 +161,51 @@ def is_still(states: Array) -> Flags:
     return np.asarray(((speed < SETTINGS.still_speed) & (rate < SETTINGS.still_rate)).all(axis=-1))
 
 
-def _lowest(scene: Scene, com: Array, axis: Array) -> Array:
-    """Height [m] (...) of the bar's lowest point, for CoM and axis (..., 3)."""
+def _heights(bar: ThrownObject, axis: Array, up: Array) -> Array:
+    """Heights [m] (..., 2 K) above the CoM of the lowest points at the ends of an outline's
+    capsules; axis, up (..., 3)."""
+    along, across = (bar.capsules[:, :4].reshape(-1, 2) - [bar.com, 0.0]).T
+    ends = axis[..., 2:] * along + up[..., 2:] * across
+    return np.asarray(ends - np.repeat(bar.capsules[:, 4], 2))
+
+
+def _sunk(bar: ThrownObject) -> float:
+    """Largest depth [m] of the lowest point of an object at rest below a surface.
+
+    An outline reaches beyond its mesh, at flat ends by a radius.
+    """
+    return SETTINGS.sunk + max((part.radius for part in bar.outline), default=0.0)
+
+
+def _lowest(scene: Scene, com: Array, axis: Array, up: Array) -> Array:
+    """Height [m] (...) of the bar's lowest point, for CoM and directions (..., 3)."""
     bar = scene.object
+    if bar.outline:
+        return np.asarray(com[..., 2] + _heights(bar, axis, up).min(axis=-1))
     ends = np.minimum(-bar.com * axis[..., 2], (bar.length - bar.com) * axis[..., 2])
     corner = bar.width / 2 * np.hypot(axis[..., 0], axis[..., 1])
     return np.asarray(com[..., 2] + ends - corner)
 
 
-def is_in_cup(scene: Scene, cup: Cup, com: Array, axis: Array) -> Flags:
-    """Flags (...): CoM inside the cup's radius, lower end in the cup; com, axis (..., 3)."""
-    low = _lowest(scene, com, axis)
+def is_in_cup(scene: Scene, cup: Cup, com: Array, axis: Array, up: Array) -> Flags:
+    """Flags (...): CoM inside the cup's radius, lower end in the cup; com, axis, up (..., 3)."""
+    low = _lowest(scene, com, axis, up)
     inside = np.hypot(com[..., 0] - cup.x, com[..., 1]) < cup.radius
-    bottom = cup.rim - cup.depth - SETTINGS.sunk
+    sunk = _sunk(scene.object)
     # A bar that lies on the rim is not in the cup.
-    return np.asarray(inside & (bottom <= low) & (low < cup.rim - SETTINGS.sunk))
+    return np.asarray(inside & (cup.rim - cup.depth - sunk <= low) & (low < cup.rim - sunk))
 
 
-def enters_cup(scene: Scene, cup: Cup, com: Array, axis: Array) -> Flags:
+def enters_cup(scene: Scene, cup: Cup, com: Array, axis: Array, up: Array) -> Flags:
     """Flags (...) of the bars whose lower end is in the cup, `insertion` below the rim."""
-    depth = cup.rim - _lowest(scene, com, axis)
-    lower = np.where(axis[..., 2] < 0, scene.object.length - scene.object.com, -scene.object.com)
+    depth, bar = cup.rim - _lowest(scene, com, axis, up), scene.object
+    if bar.outline:
+        ends = bar.capsules[:, :4].reshape(-1, 2) - [bar.com, 0.0]
+        along, across = np.moveaxis(ends[_heights(bar, axis, up).argmin(axis=-1)], -1, 0)
+        low = com + along[..., None] * axis + across[..., None] * up
+        near = np.hypot(low[..., 0] - cup.x, low[..., 1]) < cup.radius
+        return np.asarray((depth >= cup.insertion) & near)
+    lower = np.where(axis[..., 2] < 0, bar.length - bar.com, -bar.com)
     end = com[..., :2] + lower[..., None] * axis[..., :2]
     near = np.hypot(end[..., 0] - cup.x, end[..., 1]) < cup.radius
     return np.asarray((depth >= cup.insertion) & near)
@@ -194,20 +219,21 @@ def _is_lost(scene: Scene, com: Array) -> Flags:
         return np.asarray(com[:, 2] < _top(scene, rest.on)[0] - reach_of_bar(scene.object))
     if rest.in_ is None or cup is None:
         return np.zeros(len(com), bool)
-    beside = np.hypot(com[:, 0] - cup.x, com[:, 1]) > cup.radius + scene.object.length
+    beside = np.hypot(com[:, 0] - cup.x, com[:, 1]) > cup.radius + 2 * scene.object.half_length
     return np.asarray(beside & (com[:, 2] < cup.rim))
 
 
-def _is_there(scene: Scene, com: Array, axis: Array) -> Flags:
-    """Flags (...) of the bars where [rest] wants the object; com, axis (..., 3)."""
+def _is_there(scene: Scene, com: Array, axis: Array, up: Array) -> Flags:
+    """Flags (...) of the bars where [rest] wants the object; com, axis, up (..., 3)."""
     rest, target = scene.rest, scene.target
     assert rest is not None and target is not None
     if rest.in_ is not None:
         assert scene.cup is not None
-        return is_in_cup(scene, scene.cup, com, axis)
+        return is_in_cup(scene, scene.cup, com, axis, up)
     if rest.on is not None:
         height, over = _top(scene, rest.on)
-        return np.asarray(over(com) & (_lowest(scene, com, axis) > height - SETTINGS.sunk))
+        lowest = _lowest(scene, com, axis, up)
+        return np.asarray(over(com) & (lowest > height - _sunk(scene.object)))
     assert rest.within is not None
     away = np.hypot(target.miss(com[..., 0], 0.0)[0], com[..., 1])
     return np.asarray(away <= rest.within)

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array, held_wrench
-from ..clearance import BAR, SweptBodies, bar_ends, held_bar
+from ..clearance import BAR, SweptBodies, bar_ends, bar_radii, held_bar
 from .controller_files import JointMotion
 
 #: Axes of the base frame.
@@ -29,15 +29,17 @@ def swept_bodies(motion: JointMotion, q: Array, times: Array) -> SweptBodies:
     found = [np.array(v).T.reshape(-1, 4, 4).swapaxes(1, 2) for v in links.map(len(q))(q.T)]
     at = np.array([np.broadcast_to(np.eye(4), (len(q), 4, 4)), *found])
     bodies = [(c.link, np.array([c.begin, c.end])) for c in arm.capsules]
-    bodies.append((-1, _bar_in_hand(motion)))
+    radii = bar_radii(throw.scene.object)
+    held = bar_ends(throw.scene.object, _held(motion))[:, :, ::2, 0]
+    bodies += [(-1, ends) for ends in _in_hand(motion, held)]
     placed = [
         np.einsum("nij,kj->kin", at[link][:, :3, :3], two) + at[link][:, :3, 3].T
         for link, two in bodies
     ]
-    width = throw.scene.object.width / np.sqrt(2)
-    cover = np.append(np.full(len(arm.capsules), arm.cover), 0.0)
-    radius = np.append(capsules.radius, width)
-    return SweptBodies((*capsules.names, BAR), np.array(placed), radius, cover, times)
+    cover = np.append(np.full(len(arm.capsules), arm.cover), np.zeros(len(radii)))
+    radius = np.append(capsules.radius, radii)
+    names = (*capsules.names, *[BAR] * len(radii))
+    return SweptBodies(names, np.array(placed), radius, cover, times)
 
 
 def _link_frames(motion: JointMotion) -> ca.Function:
@@ -50,16 +52,19 @@ def _link_frames(motion: JointMotion) -> ca.Function:
     return ca.Function("links", [angles], [ca.vec(f) for f in (*frames[: arm.joints], hand)])
 
 
-def _bar_in_hand(motion: JointMotion) -> Array:
-    """Ends (2, 3) [m] of the held bar in the hand's frame, whose origin is on the flange."""
+def _held(motion: JointMotion) -> Array:
+    """CoM pose (3, 1) of the object in the hand at the throw's start."""
     throw = motion.throw
-    # The throw's start gives the pose of the bar in the hand.
     place = throw.path.at([0.0]).pose
-    pose = throw.manipulator.motion(place, 0 * place, 0 * place)[0]
-    ends = bar_ends(throw.scene.object, held_bar(throw.scene, pose))[0, :, :, 0]
-    bar = throw.target.plane.points(ends[:, 0], ends[:, 2])
+    return held_bar(throw.scene, throw.manipulator.motion(place, 0 * place, 0 * place)[0])
+
+
+def _in_hand(motion: JointMotion, points: Array) -> Array:
+    """Points (..., 2) [m] of the throw's plane at its start, (..., 3) in the hand's frame, whose
+    origin is on the flange."""
+    placed = motion.throw.target.plane.points(points[..., 0], points[..., 1])
     grasp = np.array(_link_frames(motion)(motion.q[0])[-1]).reshape(4, 4, order="F")
-    return np.asarray((bar - grasp[:3, 3]) @ grasp[:3, :3])
+    return np.asarray((placed - grasp[:3, 3]) @ grasp[:3, :3])
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,8 @@ class Expectations:
         q = motion.q if self.way is None else np.vstack([self.way, motion.q])
         q = q[np.unique(np.append(np.arange(0, len(q), 5), len(q) - 1))]
         bodies = swept_bodies(motion, q, np.arange(0.0, len(q)))
-        moving = np.array([capsule.link > 0 for capsule in motion.arm.capsules] + [True])
+        parts = len(bar_radii(motion.throw.scene.object))
+        moving = np.array([capsule.link > 0 for capsule in motion.arm.capsules] + [True] * parts)
         ends, around = bodies.ends[moving], bodies.reach[moving, None, None, None]
         low, high = ends - around, ends + around
         return np.array([low.min(axis=(0, 1, 3)), high.max(axis=(0, 1, 3))])
@@ -100,11 +106,10 @@ class Expectations:
     def load(self) -> tuple[float, Array]:
         """Mass [kg] of the object, and its CoM (3,) [m] in the frame of the flange."""
         motion, bar = self.motion, self.motion.throw.scene.object
-        first, last = _bar_in_hand(motion)
+        com = _in_hand(motion, _held(motion)[:2, 0])
         angles = ca.SX.sym("q", motion.arm.joints)
         frames = motion.arm.frames(angles)
         turn = ca.Function("turn", [angles], [frames[-2][:3, :3].T @ frames[-1][:3, :3]])
-        com = first + bar.com / bar.length * (last - first)
         return bar.mass, np.array(turn(motion.q[0])) @ com
 
     @cached_property

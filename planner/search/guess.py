@@ -73,8 +73,10 @@ def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array
     # From 0.15 s before the landing height to 0.3 s after it, every 2.5 ms.
     times = flight + np.linspace(-0.15, 0.3, 181)
     _, z, theta = scene.flight.after(FlightState(*detach), times).pose
-    middle = z + lower_end(scene, target) * np.sin(theta)
-    corner = middle - scene.object.width / 2 * np.abs(np.cos(theta))
+    along, across, radius = lower_end(scene, target)
+    middle = z + along * np.sin(theta) + across * np.cos(theta) - radius
+    half = 0.0 if scene.object.outline else scene.object.width / 2
+    corner = middle - half * np.abs(np.cos(theta))
 
     def times_at(heights: Array, depth: Array) -> Array:
         # The end of a spinning bar may rise: the largest depth until each instant counts.

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...models import Array
 from ...problems import Cup, InputError, ThrownObject, check_arguments
-from ..clearance import bar_outline
+from ..clearance import bar_outline, outline_ends
 from .timeline import timeline
 
 if TYPE_CHECKING:
@@ -22,14 +22,29 @@ LEAST_WIDTH = 0.008
 
 
 def bar_corners(bar: ThrownObject, com: Array) -> Array:
-    """Corners (4, 2) [m] of the drawn bar for a CoM pose x, z [m], theta [rad]."""
+    """Corners (N, 2) [m] of the drawn object for a CoM pose x, z [m], theta [rad]."""
+    if bar.outline:
+        ends = outline_ends(bar, com[:, None])[:, 0].T.reshape(-1, 2, 2)
+        radii = bar.capsules[:, 4].tolist()
+        loops = [_capsule_loop(p[0], p[1], r) for p, r in zip(ends, radii, strict=True)]
+        # Back along the way from loop to loop: nothing is between them.
+        return np.vstack([*loops, *[loop[:1] for loop in loops[::-1]]])
     wide = dataclasses.replace(bar, width=max(bar.width, LEAST_WIDTH))
     return np.asarray(bar_outline(wide, com[:, None])[:, 0].T)
 
 
+def _capsule_loop(begin: Array, end: Array, radius: float) -> Array:
+    """Corners (N, 2) [m] around a capsule, counter-clockwise; the last is the first."""
+    first = np.arctan2(*(end - begin)[::-1]) - np.pi / 2
+    turn = first + np.linspace(0.0, 2 * np.pi, 49)
+    middle = np.where(np.arange(49)[:, None] <= 24, end, begin)
+    loop = middle + radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    return np.vstack([loop, loop[:1]])
+
+
 @check_arguments
 def draw_bars(axes: Axes, bar: ThrownObject, poses: Array, **look: Any) -> None:
-    """Fill the bar's outline at poses (N, 3) or (3,) of its CoM: x, z [m], theta [rad].
+    """Fill the object's outline at poses (N, 3) or (3,) of its CoM: x, z [m], theta [rad].
 
     bar: the scene's object; look: Matplotlib's settings of a polygon. InputError for other shapes.
     """

@@ -52,6 +52,7 @@ class Timeline:
 
     def extent(self, scene: Scene) -> tuple[Array, Array]:
         """Least and largest (x, z) of everything that moves."""
+        # Of an outline, the corners of the rectangle around it.
         points = [bar_outline(scene.object, self.com).reshape(2, -1), self.hand[:2]]
         if self.arm is not None:
             points.append(self.arm.transpose(1, 0, 2).reshape(2, -1))

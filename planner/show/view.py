@@ -15,6 +15,7 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm, DHRow, PlanarArm, placement
 from .drawings import cup_profile
+from .object_mesh import half_thickness, object_mesh
 from .style import ARM, BLACK, PHASES
 from .timeline import Timeline, timeline
 
@@ -170,7 +171,7 @@ class View:
 
     def __init__(self, server: Any, throw: SpaceThrow) -> None:
         self.server, self.throw, self.scene = server, throw, server.scene
-        self.half_thickness = max(throw.scene.object.width / 2, SHAPES.min_half)
+        self.half_thickness = max(half_thickness(throw.scene), SHAPES.min_half)
         self.faded, self.floor, self._bodies = False, math.inf, list[Any]()
         self._draw_surroundings()
         self._draw_target()
@@ -284,11 +285,14 @@ class View:
         return node
 
     def add_bar(self, name: str, colour: str, opacity: float | None) -> Any:
-        """A box of the bar's length and width about the CoM's frame."""
-        bar = self.throw.scene.object
+        """A box of the bar's length and width about the CoM's frame; a mesh, or an outline."""
+        bar, cast = self.throw.scene.object, opacity is None
+        if bar.outline:
+            look = {"color": rgb(colour), "opacity": opacity, "cast_shadow": cast}
+            return self.scene.add_mesh_simple(name, *object_mesh(bar), **look)
         size = (bar.length, 2 * self.half_thickness, 2 * self.half_thickness)
         place = {"position": (bar.length / 2 - bar.com, 0.0, 0.0), "opacity": opacity}
-        return self.scene.add_box(name, rgb(colour), size, cast_shadow=opacity is None, **place)
+        return self.scene.add_box(name, rgb(colour), size, cast_shadow=cast, **place)
 
     def _draw_surroundings(self) -> None:
         """Base column and obstacles."""

@@ -344,6 +344,9 @@ def core_scene(scene: Scene, hand_error: float) -> SceneC:
         cup_radius=-1.0,
     )
     found.attach(shape=shape_for_core(patch.shape))
+    if bar.outline:
+        found.parts = len(bar.outline)
+        found.attach(outline=bar.capsules)
     if column is not None:
         found.column_radius, found.column_height = column
     if arm is not None:
@@ -356,9 +359,19 @@ def core_scene(scene: Scene, hand_error: float) -> SceneC:
             found.tool_length = tool.tcp
     if cup is not None:
         found.cup_x, found.cup_rim, found.cup_insertion = cup.x, cup.rim, cup.insertion
-        # The bar is as thick as it is wide, so a round cup is narrower off its middle.
-        found.cup_radius = math.sqrt(cup.radius**2 - (bar.width / 2) ** 2)
+        found.cup_radius = cup_radius(scene)
     return found
+
+
+def cup_radius(scene: Scene) -> float:
+    """Radius [m] of the scene's cup where the object is.
+
+    A bar is as thick as it is wide, so a round cup is narrower off its middle. Capsules are round,
+    and nearest to it in the middle.
+    """
+    assert scene.cup is not None
+    radius, bar = scene.cup.radius, scene.object
+    return radius if bar.outline else math.sqrt(radius**2 - (bar.width / 2) ** 2)
 
 
 def cup_entries(scene: Scene, detach: Array, flight: Array) -> Array:

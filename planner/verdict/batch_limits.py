@@ -20,6 +20,7 @@ from ..clearance import (
     column_distance,
     held_bar,
     lowest_of_bar,
+    outline_ends,
     palm_distance,
     reach_of_bar,
 )
@@ -299,6 +300,10 @@ class MotionLimits:
         """Distances (N,) [m] of the bars' lower ends from the cup's middle at landings (N, 3):
         near its radius they may pass on either side of the rim."""
         bar, (x, theta, _) = self.batch.scene.object, landing.T
+        if bar.outline:
+            ends = outline_ends(bar, np.array([x, 0 * x, theta]))
+            lowest = (ends[1] - np.repeat(bar.capsules[:, 4], 2)).argmin(axis=1)
+            return np.asarray(np.abs(ends[0, np.arange(len(x)), lowest] - cup_x))
         lower = np.where(np.sin(theta) < 0, bar.length - bar.com, -bar.com)
         return np.asarray(np.abs(x + lower * np.cos(theta) - cup_x))
 

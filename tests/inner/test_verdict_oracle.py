@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -121,10 +122,24 @@ def compared(throw: Throw, oracle: Oracle, random: np.random.Generator) -> set[C
 )
 def test_verdicts_are_the_oracles(name: str, changes: int, plan_of, saved) -> None:
     throw, oracle = plan_of(name).throw.deciding, read_oracle(saved(name))
-    random, seen = np.random.default_rng(len(name)), set[Code]()
+    assert len(codes_of(throw, oracle, len(name), changes)) > 2
+
+
+def codes_of(throw: Throw, oracle: Oracle, seed: int, changes: int) -> set[Code]:
+    """What is broken in many changes, by both."""
+    random, seen = np.random.default_rng(seed), set[Code]()
     for _ in range(changes):
         try:
             seen |= compared(throw, oracle, random)
         except tp.InputError:
             continue  # A cup that is too narrow for the bar.
-    assert len(seen) > 2
+    return seen
+
+
+@pytest.mark.slow
+def test_verdicts_on_an_outline_are_the_oracles(tmp_path) -> None:
+    plan = tp.plan(Path(__file__).parents[2] / "examples" / "objects" / "hammer.toml")
+    plan.save(tmp_path, draw=False)
+    seen = codes_of(plan.throw.deciding, read_oracle(tmp_path), 1, 4 * CHANGES)
+    # With its head the hammer meets what a bar does not: each kind of distance occurs.
+    assert {Code.COLLISION, Code.FLOOR, Code.COLUMN, Code.PALM, Code.CUP_WALL} <= seen

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import casadi as ca
 
 from ....problems import Pose, Scene
+from ...throw import cup_radius
 from ..request import Request
 from ..scene_constraint import Flight, SceneConstraint
 from ..stages import Block, Stage, T
-from ..transcription import Ocp
+from ..transcription import Ocp, OutlinePoint
 
 #: Margin to the bounds of [landing], a share of them: covers the NLP's error of the landing.
 BOUNDS_MARGIN = 0.02
@@ -22,6 +24,10 @@ ARRIVAL_MARGIN = 1e-3
 DEPTHS = (4, 12)
 #: Margin [m] to rim and wall: covers the motion between depths; `request.CUP` adds to it.
 CUP_MARGIN = 0.001
+#: Points of each capsule of an outline that are kept off wall and rim.
+CUP_POINTS = 5
+#: Above this many radii over the rim a disc is free: bounds the series, which grows fast.
+HIGH = 3.0
 
 
 @dataclass(frozen=True)
@@ -107,7 +113,8 @@ class CupClearance(SceneConstraint):
     One unknown time is that of the lowest corner at the rim's height: the corner is clear of the
     wall. Each depth adds an unknown time, at which the middle of the lower end is at that depth:
     the corners of the end are clear of the wall, the long edges clear of the rim. The cup moves
-    with the target, and in an elastic problem with the landing.
+    with the target, and in an elastic problem with the landing. Of an outline, the lower end is the
+    lowest end of its capsules at the target, and points of all capsules are clear of wall and rim.
     """
 
     turns: ClassVar[bool] = True
@@ -120,15 +127,16 @@ class CupClearance(SceneConstraint):
         cup, target = request.scene.cup, request.target or request.scene.target
         if cup is None or target is None:
             return None
-        values = {
+        values: dict[str, Any] = {
             "cup_x": cup.x,
             "cup_rim": cup.rim,
             "cup_insertion": cup.insertion,
-            # The bar is as thick as it is wide, so a round cup is narrower off its middle.
-            "cup_radius": math.sqrt(cup.radius**2 - (request.scene.object.width / 2) ** 2),
+            "cup_radius": cup_radius(request.scene),
             "cup_clearance": cup.clearance + CUP_MARGIN + request.refinement.margins["cup"],
-            "lower_end": lower_end(request.scene, target),
+            "lower_end": lower_end(request.scene, target)[0],
         }
+        if request.scene.object.outline:
+            values["lower_end"] = lower_end(request.scene, target)
         if target.velocity is not None:
             values["cup_speed"] = target.speed
         return cls(values, DEPTHS["flight" in request.refinement.lazy], request.elastic > 0.0)
@@ -143,6 +151,9 @@ class CupClearance(SceneConstraint):
             moves = "cup_speed" in self.values
             return landed + p("cup_speed") * (time - flight.time) if moves else landed
 
+        if flight.ocp.structure.parts:
+            self._outline_in(flight, cup_at)
+            return
         lower = p("lower_end")
         time = flight.stage.control(Block("t_rim", "s"))
         at, cup_x = flight.after(time), cup_at(time)
@@ -166,9 +177,35 @@ class CupClearance(SceneConstraint):
             flight.subject_to("cup clearance", (offset - free) / radius, high=0.0)
             flight.subject_to("cup clearance", (offset + free) / radius, low=0.0)
 
+    def _outline_in(self, flight: Flight, cup_at: Callable[[ca.SX], ca.SX]) -> None:
+        """The constraints for an outline: as the lower end reaches the rim, then at each depth."""
+        p = flight.p
+        radius, clearance = p("cup_radius"), p("cup_clearance")
+        row = p("lower_end", 3)
+        lower = OutlinePoint(row[0], row[1], row[2])
+        times = [Block("t_rim", "s"), *(Block("t_cup", "s").number(i) for i in range(self.depths))]
+        for i, block in enumerate(times):
+            time = flight.stage.control(block)
+            at, cup_x = flight.after(time), cup_at(time)
+            pose = at.x, at.z, ca.cos(at.theta), ca.sin(at.theta)
+            depth = p("cup_insertion") * max(i - 1, 0) / max(self.depths - 1, 1)
+            bottom = lower.placed(*pose)[1] - lower.radius
+            flight.subject_to("cup depth", bottom - (p("cup_rim") - depth), 0.0, 0.0)
+            for point in flight.ocp.outline_points(CUP_POINTS):
+                x, z = point.placed(*pose)
+                needed = point.radius + clearance
+                # A disc above the rim may be farther out; this is a bound from below on the
+                # distance at which it meets the rim, of the series of 1 - sqrt(1 - u^2).
+                u = ca.fmin(ca.fmax((z - p("cup_rim")) / needed, 0.0), HIGH) ** 2
+                free = radius - needed + needed * (u / 2 + u**2 / 8 + u**3 / 16)
+                flight.subject_to("cup clearance", (x - cup_x - free) / radius, high=0.0)
+                flight.subject_to("cup clearance", (x - cup_x + free) / radius, low=0.0)
 
-def lower_end(scene: Scene, target: Pose) -> float:
-    """Distance [m] from the CoM to the end that lands lower; negative: the grasped end."""
-    theta = 0.0 if target.theta is None else target.theta
-    ahead = scene.object.length - scene.object.com
-    return ahead if math.sin(theta) < 0 else -scene.object.com
+
+def lower_end(scene: Scene, target: Pose) -> tuple[float, float, float]:
+    """The end that lands lower: distances [m] along and across the axis from the CoM, and radius
+    [m] around it, which is 0 for a bar."""
+    theta, bar = 0.0 if target.theta is None else target.theta, scene.object
+    if bar.outline:
+        return bar.lowest_end(theta)
+    return (bar.length - bar.com if math.sin(theta) < 0 else -bar.com), 0.0, 0.0

@@ -21,12 +21,13 @@ import numpy.typing as npt
 
 from ....models import Array
 from ....models.robot import ArmCapsules, Solid
-from ...clearance import BAR, LANDING, CollisionScene, SweptBodies, held_bar
+from ....problems import Scene
+from ...clearance import BAR, LANDING, CollisionScene, SweptBodies, bar_radii, held_bar
 from ...throw import Throw
 from ...verdict import FLYING
 from ..request import Request
 from ..scene_constraint import BRAKE_SHARE, Brake, Flight, Instant, SceneConstraint, braked
-from ..transcription import Interval, Node
+from ..transcription import Interval, Node, OutlinePoint
 
 
 @dataclass(frozen=True)
@@ -102,16 +103,21 @@ class CollisionAvoidance(SceneConstraint):
         """The flying bar, at even shares of the flight."""
         if not self.flying:
             return
-        size, p = SETTINGS.flight * SETTINGS.count * SIZE, flight.p
+        parts = max(flight.ocp.structure.parts, 1)
+        body, p = SETTINGS.count * SIZE, flight.p
+        size = SETTINGS.flight * parts * body
         planes = flight.stage_parameter("flight_planes", size, flight.ocp.structure.detach, 1)
         for i in range(SETTINGS.flight):
             at = flight.after(flight.time * (i / (SETTINGS.flight - 1)))
             cos, sin = ca.cos(at.theta), ca.sin(at.theta)
-            ends = [
-                (at.x + distance * cos, at.z + distance * sin)
-                for distance in (-p("behind"), p("ahead"))
-            ]
-            _avoid_planes(flight, ends, planes[i * SETTINGS.count * SIZE :])
+            if flight.ocp.structure.parts:
+                points = flight.ocp.outline_points(2)
+            else:
+                points = [OutlinePoint(-p("behind")), OutlinePoint(p("ahead"))]
+            ends = [point.placed(at.x, at.z, cos, sin) for point in points]
+            for part in range(parts):
+                begin = (i * parts + part) * body
+                _avoid_planes(flight, ends[2 * part : 2 * part + 2], planes[begin:])
 
     def _avoid(self, node: Node, q: ca.SX, number: int, held: Instant | None) -> None:
         """All bodies at coordinates q and instant `number`; held: the held bar, None after
@@ -122,7 +128,8 @@ class CollisionAvoidance(SceneConstraint):
             assert capsules is not None
             ends += capsules.ends(node.stage.lift(*capsules.arm.link_angles(q)), links)
         if BAR in self.bodies:
-            ends.append(None if held is None else _bar(held))
+            parts = max(node.ocp.structure.parts, 1)
+            ends += [None] * parts if held is None else _bar(held)
         if not ends:
             return
         size = len(ends) * SETTINGS.count * SIZE
@@ -150,19 +157,22 @@ def _avoid_planes(node: Node, ends: Sequence[tuple[ca.SX, ca.SX]], planes: ca.SX
             node.subject_to("obstacle", clearance, low=0.0)
 
 
-def _bar(held: Instant) -> list[tuple[ca.SX, float, ca.SX]]:
-    """Ends x, y, z of the held bar's axis."""
+def _bar(held: Instant) -> list[list[tuple[ca.SX, float, ca.SX]]]:
+    """Ends x, y, z of the axes of the held object's capsules, one for a bar."""
     p = held.p
+    if held.ocp.structure.parts:
+        points = [(x, 0.0, z) for x, z, _ in held.held_points()]
+        return [points[i : i + 2] for i in range(0, len(points), 2)]
     x, z, cos, sin = held.bar_end
     length = p("ahead") + p("behind")
-    return [(x - length * cos, 0.0, z - length * sin), (x, 0.0, z)]
+    return [[(x - length * cos, 0.0, z - length * sin), (x, 0.0, z)]]
 
 
 def _planes(request: Request, bodies: Sequence[str]) -> Array:
     """Planes (stages, carry, bodies, count, SIZE) of links and held bar, from rest to rest."""
     scene, manipulator, reference = request.scene, request.manipulator, request.reference
     capsules, carry = manipulator.capsules, SETTINGS.carry
-    moving = [*_links(capsules, bodies), *([-1] if BAR in bodies else [])]
+    moving = [*_links(capsules, bodies), *(_parts(scene) if BAR in bodies else [])]
     stages = scene.mesh.carry + len(request.nodes)
     if reference is None:
         return np.tile(EMPTY, (stages, carry, len(moving), SETTINGS.count, 1))
@@ -178,14 +188,19 @@ def _planes(request: Request, bodies: Sequence[str]) -> Array:
     return planes.reshape(stages, carry, len(moving), SETTINGS.count, SIZE)
 
 
+def _parts(scene: Scene) -> range:
+    """Indices of the object's capsules, from the end of a track's bodies."""
+    return range(-len(bar_radii(scene.object)), 0)
+
+
 def _flight_planes(request: Request) -> Array:
-    """Planes (flight, 1, count, SIZE) of the flying bar; empty just before the landing."""
-    reference = request.reference
+    """Planes (flight, parts, count, SIZE) of the flying object; empty just before the landing."""
+    reference, moving = request.reference, list(_parts(request.scene))
     if reference is None or not reference.lands:
-        return np.tile(EMPTY, (SETTINGS.flight, 1, SETTINGS.count, 1))
+        return np.tile(EMPTY, (SETTINGS.flight, len(moving), SETTINGS.count, 1))
     since = np.linspace(0.0, reference.landing.flight_time, SETTINGS.flight)
     q = _braking_coordinates(request, reference, since)
-    planes = _separating_planes(request, since, q, reference.flight(since), [-1], flying=True)
+    planes = _separating_planes(request, since, q, reference.flight(since), moving, flying=True)
     planes[since > since[-1] - LANDING] = EMPTY
     return planes
 
@@ -203,7 +218,7 @@ def _separating_planes(
     request: Request, times: Array, q: Array, bar: Array, moving: list[int], *, flying: bool = False
 ) -> Array:
     """Planes (N, bodies, count, SIZE) at N instants, for coordinates q (n, N), CoM poses of the bar
-    (3, N), and the bodies `moving`: links by their indices, -1 for the bar."""
+    (3, N), and the bodies `moving`: links by their indices, `_parts` for the object."""
     around = CollisionScene.of(request.scene, request.manipulator)
     track, planes = around.bodies_at(times, q, bar, flying=flying), list[Array]()
     for index in moving:

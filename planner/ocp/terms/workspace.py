@@ -13,7 +13,7 @@ from ....models.robot import PlanarArm
 from ...throw import column_of
 from ..request import PALM_TIMES, Request
 from ..scene_constraint import Flight, Instant, SceneConstraint, braked
-from ..transcription import Scope
+from ..transcription import OutlinePoint, Scope
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ class Floor(SceneConstraint):
         if at.grip == "none":
             return
         p, margin, arm = at.p, at.held_margin, at.ocp.kinematics
-        _, z, _, _ = at.bar_end
-        at.subject_to("floor", z - p("half_width") - p("floor") - margin, low=0.0)
+        for z, radius in _heights(at):
+            at.subject_to("floor", z - radius - p("floor") - margin, low=0.0)
         if not self.arm:
             return
         pose, *_ = at.hand
@@ -90,6 +90,14 @@ class Floor(SceneConstraint):
             heights += [pose[1] - end - across for end in ends]
         for height in [*heights, pose[1]]:
             at.subject_to("floor", height - (p("floor") + margin), low=0.0)
+
+
+def _heights(at: Instant) -> list[tuple[ca.SX, ca.SX | float]]:
+    """Heights [m] of the held bar's far end, or of all ends of an outline's capsules, and what is
+    below them."""
+    if at.ocp.structure.parts:
+        return [(z, point.radius) for _, z, point in at.held_points()]
+    return [(at.bar_end[1], at.p("half_width"))]
 
 
 @dataclass(frozen=True)
@@ -115,9 +123,14 @@ class Column(SceneConstraint):
 
     def at_instant(self, at: Instant) -> None:
         """The held bar's far end clear of the column."""
-        if at.grip != "none":
-            clear = _distance(at, *at.bar_end)
-            at.subject_to("base column", clear - at.held_margin, low=0.0)
+        if at.grip == "none":
+            return
+        if at.ocp.structure.parts:
+            clear = [_disc_distance(at, x, z, point) for x, z, point in at.held_points()]
+        else:
+            clear = [_distance(at, *at.bar_end)]
+        for distance in clear:
+            at.subject_to("base column", distance - at.held_margin, low=0.0)
 
     def in_flight(self, flight: Flight) -> None:
         """Points of the flying bar clear of the column, from detach to landing."""
@@ -131,8 +144,12 @@ class Column(SceneConstraint):
         margin = weight * p("passing_margin") - (1 - weight) * p("column_margin")
         theta = ca.SX(at.theta)
         cos, sin = ca.cos(theta), ca.sin(theta)
-        for distance in flight.ocp.along_bar():
-            clear = _distance(scope, at.x + distance * cos, at.z + distance * sin, cos, sin)
+        for point in flight.ocp.along_bar():
+            x, z = point.placed(at.x, at.z, cos, sin)
+            if flight.ocp.structure.parts:
+                clear = _disc_distance(scope, x, z, point)
+            else:
+                clear = _distance(scope, x, z, cos, sin)
             scope.subject_to("base column", clear - margin, low=0.0)
 
 
@@ -146,6 +163,13 @@ def _distance(scope: Scope, x: ca.SX, z: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX
     above = z - p("half_width") * ca.sqrt(cos**2 + 1e-6) - p("column_height")
     aside = ca.sqrt(x**2 + 1e-8) - p("half_width") * ca.sqrt(sin**2 + 1e-6) - p("column_radius")
     return soft_max(above, aside)
+
+
+def _disc_distance(scope: Scope, x: ca.SX, z: ca.SX, point: OutlinePoint) -> ca.SX:
+    """Distance [m] from the base column to an outline around its point at x, z [m]."""
+    p, radius = scope.p, point.radius
+    aside = ca.sqrt(x**2 + 1e-8) - radius - p("column_radius")
+    return soft_max(z - radius - p("column_height"), aside)
 
 
 @dataclass(frozen=True)
@@ -165,7 +189,9 @@ class Palm(SceneConstraint):
         lazy = request.refinement.lazy & {"flight", "return"}
         if not lazy or workspace is None or workspace.palm_clearance is None or arm is None:
             return None
-        margin = request.scene.object.width / 2 + SETTINGS.palm_margin + workspace.palm_clearance
+        # An outline has radii of its own.
+        bar, margin = request.scene.object, SETTINGS.palm_margin + workspace.palm_clearance
+        margin = (0.0 if bar.outline else bar.width / 2) + margin
         values = {
             "palm_back": arm.tool.palm_back + margin,
             "palm_front": arm.tool.palm_front - margin,
@@ -178,14 +204,17 @@ class Palm(SceneConstraint):
         # Just after detach only an end of the bar can meet the hand.
         scope, (time,) = flight.at_instants(PALM_TIMES)
         points = flight.ocp.along_bar()
-        _clear_of_palm(flight, scope, time, [points[0], points[-1]])
+        ends = points if flight.ocp.structure.parts else [points[0], points[-1]]
+        _clear_of_palm(flight, scope, time, ends)
         if self.later:
             first, count = SETTINGS.return_time, SETTINGS.return_instants
             scope, (share,) = flight.at_instants(np.arange(1, count + 1) / count)
             _clear_of_palm(flight, scope, first + share * (flight.time - first), points)
 
 
-def _clear_of_palm(flight: Flight, scope: Scope, time: ca.SX, points: Sequence[ca.SX]) -> None:
+def _clear_of_palm(
+    flight: Flight, scope: Scope, time: ca.SX, points: Sequence[OutlinePoint]
+) -> None:
     """Points of the flying bar clear of the hand's body at `time` after detach.
 
     Meanwhile every coordinate brakes at `braking`. A point is in front of the body, behind it or at
@@ -196,13 +225,13 @@ def _clear_of_palm(flight: Flight, scope: Scope, time: ca.SX, points: Sequence[c
     pose, _, _ = scope.hand_of(braked(q, dq, time, ocp.each("braking"), ca.fmin), still, still)
     cos_hand, sin_hand = ca.cos(pose[2]), ca.sin(pose[2])
     at = flight.after(time)
-    for distance in points:
-        dx = at.x + distance * ca.cos(at.theta) - pose[0]
-        dz = at.z + distance * ca.sin(at.theta) - pose[1]
+    for point in points:
+        x, z = point.placed(at.x, at.z, ca.cos(at.theta), ca.sin(at.theta))
+        dx, dz = x - pose[0], z - pose[1]
         ahead = cos_hand * dx + sin_hand * dz
         before = ca.fmax(ahead + p("palm_front"), -ahead - p("palm_back"))
         aside = ca.sqrt((cos_hand * dz - sin_hand * dx) ** 2 + 1e-8) - p("palm_half_width")
-        scope.subject_to("palm", soft_max(before, aside), low=0.0)
+        scope.subject_to("palm", soft_max(before, aside) - point.radius, low=0.0)
 
 
 def soft_max(a: ca.SX, b: ca.SX) -> ca.SX:

@@ -1,0 +1,111 @@
+"""`throwplan import-object`: a mesh as a scene's [object]."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+from ...problems import InputError
+from ...problems.files import filling
+from ...problems.meshes import Choices, MeshObject, object_from, object_text, read_mesh, stl_bytes
+from .common import DONE, Add, Progress, number, print_result
+
+#: Units of a mesh's lengths in m.
+UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+
+
+def arguments(add: Add) -> None:
+    """The command's options."""
+    add("mesh", metavar="MESH", help="STL or OBJ file, watertight")
+    words = "the sections [object] and [grasp]; the mesh in the object's frame goes beside it"
+    add("--out", required=True, metavar="FILE.toml", help=words)
+    add("--force", action="store_true", help="overwrite existing files")
+    form, point = ("X", "Y", "Z"), {"nargs": 3, "type": number()}
+    words = "the pads' centre, in the mesh's frame and unit"
+    add("--grasp", required=True, metavar=form, help=words, **point)
+    add("--mass", type=number(1e-9), metavar="KG", help="mass; this or --density")
+    add("--density", type=number(1e-9), metavar="KG/M3", help="of the material all through")
+    words = "direction in which the hand points at the grasp (default: towards the CoM)"
+    add("--axis", metavar=form, help=words, **point)
+    words = "normal of the throw's plane: the pads press along it (default: the thinnest way)"
+    add("--across", metavar=form, help=words, **point)
+    add("--unit", choices=list(UNITS), default="m", help="of the mesh (default: m)")
+    words = "capsules of the outline at most (default: 6)"
+    add("--parts", type=int, choices=range(1, 13), metavar="N", default=6, help=words)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Turn a mesh into an object: mass, CoM, inertia in the throw's plane, outline as capsules.
+
+    example: throwplan import-object part.stl --unit mm --mass 0.4 --grasp 0 0 60 --out part.toml
+    """
+    file, out = Path(options.mesh), Path(options.out)
+    if out.suffix != ".toml":
+        raise InputError(f"--out {out}: must end in .toml")
+    if not out.parent.is_dir():
+        raise InputError(f"--out {out}: its folder does not exist")
+    if (options.mass is None) == (options.density is None):
+        raise InputError("give --mass or --density")
+    beside = out.with_name(f"{out.stem}-mesh.stl")
+    for path in (out, beside):
+        if path.exists() and not options.force:
+            raise InputError(f"{path}: exists; --force overwrites it")
+    axis, across = (v if v is None else tuple(v) for v in (options.axis, options.across))
+    choices = Choices(
+        tuple(options.grasp),
+        options.mass,
+        options.density,
+        axis,
+        across,
+        UNITS[options.unit],
+        options.parts,
+    )
+    with Progress(f"{file}: reading"):
+        mesh = read_mesh(file)
+        try:
+            found = object_from(mesh, choices)
+        except InputError as error:
+            raise error.within(str(file)) from None
+    with filling(out.absolute().parent, (out.name, beside.name)) as folder:
+        (folder / beside.name).write_bytes(stl_bytes(found.corners))
+        text = object_text(found, file.name, beside.name)
+        (folder / out.name).write_text(text, encoding="utf-8")
+    print_result(
+        options, _facts(found) | {"mesh": str(beside), "file": str(out)}, _text(found, out)
+    )
+    return DONE
+
+
+def _facts(found: MeshObject) -> dict[str, object]:
+    """The result for --json: lengths in m, the angle in radians."""
+    thrown = found.object
+    names = ("mass", "com", "inertia", "length", "width", "half_length")
+    return {name: getattr(thrown, name) for name in names} | {
+        "outline": thrown.capsules.tolist(),
+        "beyond": found.beyond,
+        "grasp": {"offset": found.grasp.offset, "angle": found.grasp.angle},
+        "turns_about_middle_axis": found.middle,
+    }
+
+
+def _text(found: MeshObject, out: Path) -> str:
+    thrown, grasp = found.object, found.grasp
+    lines = [
+        f"mass {thrown.mass:.4g} kg, inertia {thrown.inertia:.4g} kg m^2 in the throw's plane",
+        f"CoM {thrown.com - grasp.offset:.4f} m from the grasp; {thrown.length:.3f} m long, "
+        f"{grasp.offset:.3f} m of it behind the grasp",
+        f"outline of {len(thrown.outline)} capsules, at most {1e3 * found.beyond:.1f} mm beyond "
+        "the mesh",
+    ]
+    if grasp.angle:
+        lines.append(
+            f"the way from grasp to CoM is {math.degrees(grasp.angle):.1f} deg off the hand's "
+            "direction: theta is that of this way"
+        )
+    if found.middle:
+        lines.append(
+            "note: it turns about its middle axis of inertia, which is unstable: errors out of the "
+            "plane grow in flight"
+        )
+    return "\n".join([*lines, f"written to {out}: paste it into a scene"])

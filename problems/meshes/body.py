@@ -1,0 +1,236 @@
+"""The rigid body of a closed mesh, and its place in the throw's plane."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...models import Array
+from ..checks import InputError
+from ..grip import Grasp, OutlinePart, ThrownObject
+from .capsules import Capsule, parts_of
+
+#: Largest and smallest size [m] of an object that is thrown.
+SIZES = (0.005, 3.0)
+#: Largest number of triangles: MuJoCo reads no more.
+TRIANGLES = 200_000
+#: Largest distance [m] of the CoM from the throw's plane through the grasp.
+OFF_PLANE = 1e-3
+#: Largest product of inertia across the plane, over the moment of inertia about its normal.
+TILT = 0.05
+#: A grasp nearer to the CoM [m] is at it.
+CENTRAL = 1e-4
+#: Largest component of the hand's approach axis along the plane's normal.
+ACROSS = 0.05
+#: Decimals of lengths [m] in files.
+PLACES = 5
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What a mesh does not say. Points and directions are in the mesh's frame, points in its unit.
+
+    grasp: the pads' centre; mass [kg] or density [kg/m³]: one of them; axis: direction in which the
+    hand points there, None for towards the CoM; across: normal of the throw's plane, along which
+    the pads press, None for the thinnest direction; scale [m]: the mesh's unit; parts: largest
+    number of capsules.
+    """
+
+    grasp: tuple[float, ...]
+    mass: float | None
+    density: float | None
+    axis: tuple[float, ...] | None
+    across: tuple[float, ...] | None
+    scale: float
+    parts: int
+
+
+@dataclass(frozen=True)
+class MeshObject:
+    """An object from a mesh: its section, and how it is grasped.
+
+    corners (F, 3, 3) [m]: triangles in the object's frame; beyond [m]: how far the outline reaches
+    beyond the mesh at most; middle: whether the object turns about its middle principal axis.
+    """
+
+    object: ThrownObject
+    grasp: Grasp
+    corners: Array
+    beyond: float
+    middle: bool
+
+
+def read_mesh(file: Path) -> Any:
+    """A mesh (trimesh) from an STL or OBJ file; InputError for one that encloses no volume."""
+    try:
+        import trimesh
+    except ImportError:
+        raise InputError("import-object: needs trimesh: pip install 'throwplan[objects]'") from None
+    if file.suffix.lower() not in (".stl", ".obj"):
+        raise InputError(f"{file}: must be an STL or OBJ file")
+    if not file.is_file():
+        raise InputError(f"{file}: no such file")
+    try:
+        mesh: Any = trimesh.load(file, force="mesh", process=True)
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)
+        faces, vertices = len(mesh.faces), np.asarray(mesh.vertices)
+    except Exception as error:  # trimesh lets through whatever its readers raise.
+        raise InputError(f"{file}: cannot be read as a mesh: {error}") from None
+    if not faces or not np.isfinite(vertices).all():
+        raise InputError(f"{file}: has no triangles, or corners that are no finite numbers")
+    if faces > TRIANGLES:
+        raise InputError(f"{file}: has {faces} triangles: must be at most {TRIANGLES}")
+    if not mesh.is_watertight:
+        raise InputError(
+            f"{file}: is not watertight: its triangles must enclose the object without gaps, so "
+            "that it has a volume (repair the mesh, for example with Blender's 3D-Print toolbox)"
+        )
+    if mesh.volume < 0.0:
+        mesh.invert()
+    return mesh
+
+
+def object_from(mesh: Any, choices: Choices) -> MeshObject:
+    """The object of a watertight mesh of uniform density.
+
+    InputError for sizes that nothing thrown has, and for what a planar throw cannot have: a CoM
+    beside the plane, or products of inertia that tilt the object in flight.
+    """
+    mesh = mesh.copy().apply_scale(choices.scale)
+    size = float(mesh.extents.max())
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise InputError(
+            f"the mesh is {size:.4g} m long: must be {SIZES[0]:g} to {SIZES[1]:g} m: choose --unit "
+            "(STL files often are in mm)"
+        )
+    mass = choices.mass or float(choices.density or 0.0) * float(mesh.volume)
+    com, grasp = np.array(mesh.center_mass), choices.scale * np.array(choices.grasp)
+    if np.linalg.norm(grasp - com) > size:
+        raise InputError(
+            f"--grasp: is {np.linalg.norm(grasp - com):.3g} m from the object's CoM, must be at "
+            f"most its size: in --unit and the mesh's frame it is {_words(com / choices.scale)}"
+        )
+    axes, angle = _axes(mesh, com - grasp, choices)
+    grasp = grasp + (axes[1] @ (com - grasp)) * axes[1]
+    moments = mass / mesh.volume * axes @ np.array(mesh.moment_inertia) @ axes.T
+    _check_moments(moments)
+    corners = (np.asarray(mesh.triangles) - grasp) @ axes.T
+    capsules, beyond = parts_of(corners, choices.parts)
+    first, last, outline = _outline(capsules)
+    thrown = ThrownObject(
+        mass=_short(mass),
+        length=round(last - first, PLACES),
+        com=round(float(np.linalg.norm(com - grasp)) - first, PLACES),
+        inertia=_short(moments[1, 1]),
+        outline=outline,
+    )
+    # Rotation about the principal axis of neither the least nor the largest moment is unstable.
+    others = np.linalg.eigvalsh(moments[::2, ::2])
+    middle = bool(1.02 * others[0] < moments[1, 1] < 0.98 * others[1])
+    grip = Grasp(offset=round(-first, PLACES), angle=angle)
+    return MeshObject(thrown, grip, corners - [first, 0.0, 0.0], beyond, middle)
+
+
+def _short(value: float) -> float:
+    """A value with six digits."""
+    return float(f"{value:.6g}")
+
+
+def _words(point: Array) -> str:
+    return " ".join(f"{v:.6g}" for v in point + 0.0)
+
+
+def _check_moments(moments: Array) -> None:
+    """InputError if the plane's normal is far from a principal axis."""
+    tilt = math.hypot(moments[0, 1], moments[1, 2]) / moments[1, 1]
+    if tilt > TILT:
+        raise InputError(
+            "--across: the object would tilt out of the throw's plane: its products of inertia are "
+            f"{100 * tilt:.2g} % of its moment about the plane's normal, must be at most "
+            f"{100 * TILT:g} %"
+        )
+
+
+def _outline(capsules: list[Capsule]) -> tuple[float, float, tuple[OutlinePart, ...]]:
+    """Where capsules begin and end along the axis [m], and the outline, from where they begin."""
+    first = min(float(min(b[0], e[0]) - r) for b, e, r in capsules)
+    last = max(float(max(b[0], e[0]) + r) for b, e, r in capsules)
+    # Rounded down: points with rounded lengths stay so.
+    first = math.floor(first * 10**PLACES) / 10**PLACES
+    parts = []
+    for *ends, radius in capsules:
+        begin, end = ([round(p[0] - first, PLACES), round(p[1], PLACES) + 0.0] for p in ends)
+        parts.append(OutlinePart(tuple(begin), tuple(end), round(radius, PLACES)))
+    return first, last, tuple(parts)
+
+
+def _axes(mesh: Any, towards: Array, choices: Choices) -> tuple[Array, float]:
+    """The object's frame: rows along, across the throw's plane (to its left), and up; and the angle
+    [rad] of the object's axis against the hand's approach axis.
+
+    towards [m]: from the grasp to the CoM.
+    """
+    reach = float(np.linalg.norm(towards))
+    if reach < CENTRAL and choices.axis is None:
+        raise InputError("--axis: needed with a grasp at the CoM, from which no axis leads to it")
+    approach = _unit("--axis", towards if choices.axis is None else np.array(choices.axis))
+    along = approach if reach < CENTRAL else towards / reach
+    normal = _thinnest(mesh, along)
+    if choices.across is not None:
+        normal = _unit("--across", np.array(choices.across))
+    offset = float(normal @ towards)
+    if abs(offset) > min(OFF_PLANE, 0.2 * max(reach, CENTRAL)):
+        there = (np.array(mesh.center_mass) - towards + offset * normal) / choices.scale
+        raise InputError(
+            f"--grasp: the CoM is {1e3 * abs(offset):.3g} mm beside the throw's plane through it: "
+            f"must be in it, as with --grasp {_words(there)}, or with another --across"
+        )
+    if abs(float(normal @ approach)) > ACROSS:
+        raise InputError("--axis: must lie in the throw's plane, square to --across")
+    along = along - (along @ normal) * normal
+    along /= np.linalg.norm(along)
+    up = np.cross(along, normal)
+    angle = math.atan2(-float(approach @ up), float(approach @ along))
+    return np.array([along, normal, up]), 0.0 if abs(angle) < 1e-3 else angle
+
+
+def _unit(key: str, direction: Array) -> Array:
+    size = float(np.linalg.norm(direction))
+    if not size:
+        raise InputError(f"{key}: must not be zero")
+    return np.asarray(direction / size)
+
+
+def _thinnest(mesh: Any, along: Array) -> Array:
+    """The direction across an axis in which the mesh is thinnest; the first of those alike."""
+    first = np.eye(3)[int(np.abs(along).argmin())]
+    first = first - (first @ along) * along
+    first /= np.linalg.norm(first)
+    second = np.cross(along, first)
+    turns = np.radians(np.arange(180))[:, None]
+    ways = np.cos(turns) * first + np.sin(turns) * second
+    thick = np.ptp(np.asarray(mesh.vertices) @ ways.T, axis=0)
+    return np.asarray(ways[int(np.flatnonzero(thick <= 1.02 * thick.min())[0])])
+
+
+def object_text(found: MeshObject, source: str, mesh: str) -> str:
+    """The sections [object] and [grasp] of a scene file. source: name of the mesh that they are
+    from; mesh: file of the mesh in the object's frame, beside the scene file."""
+    thrown, lines = found.object, [f"# From {source}, by throwplan import-object.", "[object]"]
+    for key, unit in (("mass", "kg"), ("inertia", "kg m^2"), ("length", "m"), ("com", "m")):
+        lines.append(f"{key} = {getattr(thrown, key)!r} # {unit}")
+    lines.append(f"# At most {1e3 * found.beyond:.1f} mm beyond the mesh.")
+    lines.append("outline = [")
+    for part in thrown.outline:
+        begin, end = list(part.begin), list(part.end)
+        lines.append(f"  {{ begin = {begin}, end = {end}, radius = {part.radius} }},")
+    lines += ["]", f"mesh = {json.dumps(mesh)}", "", "[grasp]"]
+    lines.append(f"offset = {found.grasp.offset!r} # m, from the end of `length` to the pads")
+    if found.grasp.angle:
+        lines.append(f"angle_deg = {math.degrees(found.grasp.angle):.3f}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,162 @@
+"""Objects from meshes: import-object, and scenes with an outline."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from builders import nlp_of
+from throwplan.planner.clearance import column_distance, lowest_of_bar
+from throwplan.planner.verdict import Code, verdict
+
+trimesh = pytest.importorskip("trimesh")
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "objects"
+
+
+@pytest.fixture
+def bar_mesh(tmp_path) -> Path:
+    """A box of 200 x 20 x 30 mm, from x = 0 on."""
+    file = tmp_path / "part.stl"
+    trimesh.creation.box([200.0, 20.0, 30.0]).apply_translation([100.0, 0, 0]).export(file)
+    return file
+
+
+def imported(run, mesh: Path, *words: str) -> dict:
+    """The tables of the file that import-object writes."""
+    out = mesh.with_suffix(".toml")
+    said = run("import-object", mesh, "--out", out, "--force", *words)
+    assert said.status == 0, said.err
+    return tomllib.loads(out.read_text())
+
+
+def test_a_box_has_the_moments_of_a_box(run, bar_mesh) -> None:
+    words = ("--unit", "mm", "--density", "2500", "--grasp", "20", "0", "0")
+    found = imported(run, bar_mesh, *words)
+    thrown, mass = found["object"], 2500 * 0.2 * 0.02 * 0.03
+    assert thrown["mass"] == pytest.approx(mass)
+    # Its thinnest way is across the plane.
+    assert thrown["inertia"] == pytest.approx(mass * (0.2**2 + 0.03**2) / 12, rel=1e-5)
+    assert thrown["com"] - found["grasp"]["offset"] == pytest.approx(0.08, abs=2e-5)
+
+
+def test_a_direction_beside_the_com_becomes_the_grasps_angle(run, bar_mesh) -> None:
+    words = ("--unit", "mm", "--mass", "0.3", "--grasp", "40", "0", "10", "--axis", "1", "0", "0")
+    found = imported(run, bar_mesh, *words)
+    # From the grasp the CoM is 60 mm ahead and 10 mm to one side of the hand's direction.
+    expected = math.degrees(math.atan2(10, 60))
+    assert abs(found["grasp"]["angle_deg"]) == pytest.approx(expected, abs=0.01)
+
+
+Y = ("--across", "0", "1", "0")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--grasp", "20", "0", "0"), "give --mass or --density"),
+        (("--mass", "1", "--grasp", "20", "0", "0"), "choose --unit"),
+        (("--mass", "1", "--unit", "mm", "--grasp", "100", "0", "0"), "--axis: needed"),
+        (("--mass", "1", "--unit", "mm", "--grasp", "900", "0", "0"), "from the object's CoM"),
+    ],
+)
+def test_what_no_throw_can_have_is_refused(refused, bar_mesh, words, said) -> None:
+    out = bar_mesh.with_suffix(".toml")
+    assert said in refused("import-object", bar_mesh, "--out", out, *words)
+    assert not out.exists()
+
+
+def test_an_open_mesh_is_refused(refused, tmp_path) -> None:
+    file, mesh = tmp_path / "open.stl", trimesh.creation.box([0.1, 0.02, 0.02])
+    mesh.update_faces(np.arange(len(mesh.faces)) > 0)
+    mesh.export(file)
+    words = ("--mass", "1", "--grasp", "0", "0", "0", "--out", tmp_path / "open.toml")
+    assert "not watertight" in refused("import-object", file, *words)
+
+
+@pytest.mark.parametrize("name", ["hammer", "bottle", "box"])
+def test_the_outline_covers_the_mesh(name: str) -> None:
+    thrown = tp.load_scene(EXAMPLES / f"{name}.toml").object
+    mesh = trimesh.load(thrown.mesh)
+    points = np.vstack([mesh.vertices, trimesh.sample.sample_surface(mesh, 20_000, seed=1)[0]])
+    away = []
+    for x0, z0, x1, z1, radius in thrown.capsules:
+        begin, along = np.array([x0, 0, z0]), np.array([x1 - x0, 0, z1 - z0])
+        share = np.clip((points - begin) @ along / max(along @ along, 1e-12), 0, 1)
+        away.append(np.linalg.norm(points - begin - share[:, None] * along, axis=1) - radius)
+    # A float of STL has seven digits.
+    assert np.min(away, axis=0).max() < 1e-6
+    # It reaches beyond the mesh by less than its own radius.
+    assert thrown.length < np.ptp(points[:, 0]) + 2 * max(thrown.capsules[:, 4])
+
+
+OBJECT = {"mass": 0.2, "inertia": 5e-4, "length": 0.2, "com": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"length": 0.3}, "outline: reaches along the axis from 0 to 0.2 m"),
+        ({"width": 0.1}, "width = 0.1: must be 0.04"),
+        ({"inertia": None}, "key 'inertia' is missing"),
+        ({"inertia": 0.01}, "inertia = 0.01: must be at most"),
+        ({"outline": ()}, "mesh: only with outline"),
+    ],
+)
+def test_outlines_fit_their_object(changes, said) -> None:
+    part = tp.OutlinePart(begin=(0.02, 0.0), end=(0.18, 0.0), radius=0.02)
+    values = OBJECT | {"outline": (part,), "mesh": "part.stl"} | changes
+    with pytest.raises(tp.InputError, match=said):
+        tp.Object(**values)
+
+
+def test_a_bar_has_no_parameter_of_an_outline() -> None:
+    """An outline costs an NLP without one nothing."""
+    assert "outline" not in nlp_of(tp.load_scene("near-cup")).parameters.blocks
+    assert "outline" in nlp_of(tp.load_scene(EXAMPLES / "hammer.toml")).parameters.blocks
+
+
+def test_an_outline_of_one_capsule_along_the_axis_is_measured_as_a_thin_bar() -> None:
+    """Its heights and distances are those of the axis less its radius."""
+    radius, com = 0.02, np.array([[0.15, 0.2, -0.17], [0.5, 0.2, 0.9], [0.3, -1.2, 2.0]])
+    part = tp.OutlinePart(begin=(radius, 0.0), end=(0.2 - radius, 0.0), radius=radius)
+    round_ = tp.Object(**OBJECT, outline=(part,))
+    thin = tp.Object(**OBJECT | {"length": 0.2 - 2 * radius, "com": 0.1 - radius, "inertia": 1e-4})
+    np.testing.assert_allclose(lowest_of_bar(round_, com), lowest_of_bar(thin, com) - radius)
+    found, expected = (column_distance(bar, com, 0.12, 2.0) for bar in (round_, thin))
+    near = np.isfinite(expected)
+    assert near.any()
+    np.testing.assert_allclose(found[near], expected[near] - radius, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_hammer_goes_past_a_fence_into_a_bin_as_the_verdict_says() -> None:
+    """In MuJoCo, with the hammer's mesh, it touches nothing on its way and rests in the bin."""
+    plan = tp.plan(EXAMPLES / "hammer.toml")
+    assert plan.status == "solved", plan.message
+    replay = tp.replay(plan)
+    assert abs(replay.off("limit_surface")[0]) < 1e-3
+    assert not {"hand", "base column", "obstacle fence"} & {*replay.touched}
+    assert replay.rest.entered
+    assert not replay.rest.touched_rim
+    assert replay.rest.inside
+
+
+@pytest.mark.slow
+def test_a_wall_in_the_way_is_hit_in_mujoco_and_named_by_the_verdict() -> None:
+    """A wall is put where the hammer of a plan flies."""
+    scene = tp.load_scene(EXAMPLES / "hammer.toml")
+    plan = tp.plan(scene.replace(obstacle=()))
+    throw = plan.throw.deciding
+    x, z, _ = throw.flight(np.array([0.5 * throw.landing.flight_time]))[:, 0]
+    wall = scene.obstacle[0].changed(size=(0.03, 0.6, 0.1), position=(float(x), 0.0, float(z)))
+    into = replace(throw, scene=scene.replace(obstacle=(wall,)))
+    found = [f for f in verdict(into).broken if f.code is Code.COLLISION]
+    assert "obstacle fence" in {f.other for f in found}
+    made = replace(plan, scene=into.scene, throw=replace(plan.throw, deciding=into))
+    assert "obstacle fence" in tp.replay(made).touched
