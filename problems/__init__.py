@@ -2,7 +2,8 @@
 
 This package reads all files of users and refuses each mistake with one line (`InputError`). Scenes
 are frozen dataclasses in SI units and radians; a section that is None adds nothing. `files` reads
-and writes, `throws` has measured throws, `job_files` picks and bins, `urdf` makes arms from robots' files.
+and writes, `throws` has measured throws, `job_files` picks and bins, `urdf` makes arms from robots'
+files.
 """
 
 from .arms import GripperData, load_arm

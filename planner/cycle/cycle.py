@@ -13,14 +13,21 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
-from ...problems import Jobs, Pose, Scene
+from ...problems import Pose, Scene
 from ...problems.files import plain
 from ..clearance import SpatialScene
-from ..throw import TICK, Manipulator, Samples, State, Throw, braked, make_manipulator
+from ..throw import NO_SAMPLES, TICK, Manipulator, Samples, State, Throw, braked, make_manipulator
 from ..verdict import Finding, Verdict, flight_findings, motion_verdict, verdict
 
+#: What is known of the order of picks, in words.
+ORDERS = {
+    "given": "as given",
+    "exact": "the fastest of all",
+    "insertion": "by insertion and reversals, perhaps not the fastest",
+}
 
-class Unsolved(Exception):
+
+class UnsolvedError(Exception):
     """Why a job file has no cycle."""
 
 
@@ -76,26 +83,21 @@ class Step(ReadOnly):
 
 @dataclass(frozen=True, eq=False)
 class Cycle(ReadOnly):
-    """The result of `plan_cycle`: its steps in order, and all joints (N, joints) at 1 kHz, from
-    rest to rest.
+    """The result of `plan_cycle`: its steps in turn, and all joints (N, joints) at 1 kHz, from rest
+    to rest.
 
-    message: why there is none, where `solved` is false. stops [s]: time of the same throws, each
-    from rest to rest. exact: whether all orders were compared. time [s]: of planning.
+    name: of the jobs. order: "given", "exact" if all orders were compared, else "insertion". stops
+    [s]: time of the same throws, each from rest to rest. time [s]: of planning. refused: why there
+    is no motion; empty if there is one.
     """
 
-    jobs: Jobs
-    steps: tuple[Step, ...]
-    samples: Samples
-    refused: str = ""
+    name: str
+    steps: tuple[Step, ...] = ()
+    samples: Samples = NO_SAMPLES
+    order: str = "given"
     stops: float = math.nan
-    exact: bool = True
     time: dict[str, float] = field(default_factory=dict)
-
-    @classmethod
-    def unsolved(cls, jobs: Jobs, message: str, time: dict[str, float]) -> Cycle:
-        """A cycle that was not found."""
-        empty = Samples(*(np.empty((0, jobs.arm.joints)) for _ in range(3)))
-        return cls(jobs, (), empty, message, time=time)
+    refused: str = ""
 
     @property
     def solved(self) -> bool:
@@ -158,17 +160,16 @@ class Cycle(ReadOnly):
         """The cycle as JSON: SI units, radians, poses in the base frame, times on its clock."""
         count = len(self.steps)
         each = [_step_entries(s, t) for s, t in zip(self.steps, self.throws, strict=True)]
-        order = "given" if self.jobs.order == "given" else "exact" if self.exact else "insertion"
         found: dict[str, Any] = plain(
             {
-                "jobs": self.jobs.name,
+                "jobs": self.name,
                 "status": "solved" if self.solved else "not_solved",
                 "message": self.message,
                 "duration": self.duration,
                 "per_object": self.duration / count if count else math.nan,
                 "with_stops": self.stops,
                 "ratio": self.duration / self.stops,
-                "order": order,
+                "order": self.order,
                 "steps": each,
                 "findings": [finding.to_dict() for finding in self.verdict.findings],
                 "time": self.time,
@@ -178,25 +179,20 @@ class Cycle(ReadOnly):
 
     def summary(self) -> str:
         """The cycle as lines for people."""
-        name = self.jobs.name
+        name = self.name
         if not self.solved:
             return f"{name}: not solved: {self.message}"
         count = len(self.steps)
-        words = {"given": "as given", "exact": "the fastest of all orders"}
-        order = words.get(
-            self.to_dict()["order"], "by insertion and reversals, perhaps not fastest"
-        )
-        lines = [f"{name}: solved, {self.message}; order {order}"]
+        lines = [f"{name}: solved, {self.message}; order {ORDERS[self.order]}"]
         lines.append(
             f"  {'object':16} {'bin':12} {'at pick':>8} {'thrown':>8} {'lands':>8}   error"
         )
         for step, throw in zip(self.steps, self.throws, strict=True):
             dx, dtheta = throw.miss()
             lands = TICK * step.join + throw.landing_time
-            lines.append(
-                f"  {step.pick:16} {step.bin:12} {TICK * step.reach:7.3f}s {step.opening_time:7.3f}s "
-                f"{lands:7.3f}s   {1e3 * abs(dx):.2f} mm {math.degrees(abs(dtheta)):.2f} deg"
-            )
+            times = (f"{time:7.3f}s" for time in (TICK * step.reach, step.opening_time, lands))
+            error = f"{1e3 * abs(dx):.2f} mm {math.degrees(abs(dtheta)):.2f} deg"
+            lines.append(f"  {step.pick:16} {step.bin:12} {' '.join(times)}   {error}")
         lines += [
             f"  {'':29} {'all':>8} {'an object':>10}",
             f"  {'one motion':29} {self.duration:7.2f}s {self.duration / count:9.2f}s",

@@ -10,7 +10,7 @@ import numpy as np
 from ...models import Array
 from ...problems import Jobs
 from ..throw import State
-from .cycle import Unsolved
+from .cycle import UnsolvedError
 from .order import Times, best_order
 from .transfers import CycleThrow, Edge, at_rest, enter_edge, leave_edge, rest_edge
 
@@ -90,7 +90,7 @@ class Network:
     def fastest(self) -> tuple[list[int], list[int]]:
         """Picks and throws of the fastest order whose motions are all allowed.
 
-        Motions are judged only where the fastest order uses them. Raises Unsolved without one.
+        Motions are judged only where the fastest order uses them. Raises UnsolvedError without one.
         """
         given = list(range(len(self.picks))) if self.jobs.order == "given" else None
         begin = 0 if self.home is None else None
@@ -102,9 +102,9 @@ class Network:
             else:
                 total, order, chosen = best_order(times, begin)
             if not math.isfinite(total):
-                raise Unsolved(self._why())
-            # All are judged before the next round.
-            if all([edge.settle() for edge in self.edges(order, chosen)]):
+                raise UnsolvedError(self._why())
+            stay = [edge.settle() for edge in self.edges(order, chosen)]
+            if all(stay):
                 return order, chosen
 
     def edges(

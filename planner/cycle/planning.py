@@ -10,7 +10,7 @@ import numpy as np
 
 from ...problems import InputError, Jobs, Pick, Scene, check_arguments
 from ..planner import Planner
-from .cycle import Cycle, Unsolved
+from .cycle import Cycle, UnsolvedError
 from .network import Network
 from .order import EXACT
 from .sequence import sequence
@@ -22,7 +22,7 @@ PATIENCE = 3.0
 
 @check_arguments
 def plan_cycle(
-    jobs: Jobs, *, patience: float = PATIENCE, progress: Callable[[str], None] | None = None
+    jobs: Jobs, *, patience: float = PATIENCE, progress: Callable[[str], object] | None = None
 ) -> Cycle:
     """All objects of a job file thrown into their bins, as one motion in the least time.
 
@@ -36,21 +36,23 @@ def plan_cycle(
     throws = _Throws(jobs, patience, say)
     planned = time.perf_counter() - started
     if throws.trouble:
-        return Cycle.unsolved(jobs, throws.trouble, {"throws": planned, "total": planned})
-    say("finding the order")
+        spent = {"throws": planned, "total": planned}
+        return Cycle(jobs.name, refused=throws.trouble, time=spent)
+    say(f"{jobs.name}: finding the order")
     network = Network(jobs, throws.found, throws.kinds)
     try:
         order, chosen = network.fastest()
-        say("joining the motions")
+        say(f"{jobs.name}: joining the motions")
         cycle = sequence(jobs, network, order, chosen, throws.again)
-    except Unsolved as error:
-        total = time.perf_counter() - started
-        return Cycle.unsolved(jobs, str(error), {"throws": planned, "total": total})
+    except UnsolvedError as error:
+        spent = {"throws": planned, "total": time.perf_counter() - started}
+        return Cycle(jobs.name, refused=str(error), time=spent)
     stops = network.with_stops(order, chosen)
     total = time.perf_counter() - started
     spent = {"throws": planned, "transfers": total - planned, "total": total}
-    exact = jobs.order == "given" or len(jobs.picks) <= EXACT
-    return dataclasses.replace(cycle, stops=stops, time=spent, exact=exact)
+    searched = "exact" if len(jobs.picks) <= EXACT else "insertion"
+    known = jobs.order if jobs.order == "given" else searched
+    return dataclasses.replace(cycle, stops=stops, time=spent, order=known)
 
 
 class _Throws:
@@ -60,7 +62,7 @@ class _Throws:
     pick, in the least time, and from a free start pose if that finds none.
     """
 
-    def __init__(self, jobs: Jobs, patience: float, say: Callable[[str], None]) -> None:
+    def __init__(self, jobs: Jobs, patience: float, say: Callable[[str], object]) -> None:
         self.jobs, self._patience = jobs, patience
         self._planners: list[Planner] = []
         self.found: list[CycleThrow] = []
@@ -76,7 +78,7 @@ class _Throws:
             for number, one in enumerate(jobs.bins):
                 able = [pick for pick in picks if one in jobs.bins_of(pick)]
                 if able:
-                    say(f"planning throws into {one.name}")
+                    say(f"{self.jobs.name}: planning throws into {one.name}")
                     self._plan(kind, number, able)
 
     def _plan(self, kind: int, number: int, picks: Sequence[Pick]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...problems import Jobs
 from ..throw import TICK, Samples, State
-from .cycle import Cycle, Step, Unsolved
+from .cycle import Cycle, Step, UnsolvedError
 from .transfers import CycleThrow, Edge, Option, enter_edge, joined, leave_edge
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ def sequence(
 ) -> Cycle:
     """The cycle of picks in this order with these throws.
 
-    again: a throw for where its bin is at a time [s]. Raises Unsolved if a moving bin is not met.
+    again: a throw for where its bin is at a time [s]. Raises UnsolvedError if a moving bin is not
+    met.
     """
     edges = network.edges(order, chosen)
     first = edges.pop(0) if len(edges) % 2 else None
@@ -62,12 +63,12 @@ def sequence(
         names = pick.name, jobs.bins[one.bin].name
         steps.append(Step(*names, scene, reach, held, join, free, opening))
         tick = free + len(_best(leave).samples.q) - 1
-    return Cycle(jobs, tuple(steps), joined(parts))
+    return Cycle(jobs.name, tuple(steps), joined(parts))
 
 
 def _best(edge: Edge) -> Option:
     if edge.best is None:
-        raise Unsolved(f"a motion to meet a moving bin: {edge.trouble}")
+        raise UnsolvedError(f"a motion to meet a moving bin: {edge.trouble}")
     return edge.best
 
 
@@ -98,6 +99,6 @@ def _meet(
         aim = TICK * begins + one.throw.landing_time + SLACK
         found = again(one, aim)
         if found is None:
-            raise Unsolved(f"no throw meets the moving bin at {aim:.2f} s")
+            raise UnsolvedError(f"no throw meets the moving bin at {aim:.2f} s")
         one = found
-    raise Unsolved("no throw meets the moving bin: it moves too fast for the search")
+    raise UnsolvedError("no throw meets the moving bin: it moves too fast for the search")

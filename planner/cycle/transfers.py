@@ -3,7 +3,6 @@ rest to rest, each the fastest that the verdict allows."""
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Iterator
@@ -16,12 +15,17 @@ from ...models import Array
 from ..clearance import SpatialScene
 from ..result import Plan, joint_samples, sent_throw
 from ..throw import TICK, Samples, State, Throw, Transfer, transfer
-from ..verdict import Verdict, flight_findings, motion_verdict
+from ..verdict import Finding, first_finding, flight_findings
 
 #: Number of samples of a swing at which a motion may join it, before the pads may open.
-JOINS = 16
-#: Shares of the limits on acceleration and jerk that are tried.
-SHARES = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)
+JOINS = 32
+#: Shares of the limits on velocity, and on acceleration and jerk, that are tried.
+SHARES = (
+    *((velocity, 1.0) for velocity in (1.0, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6)),
+    *((velocity, 0.8) for velocity in (1.0, 0.9, 0.8, 0.7, 0.6)),
+    *((velocity, 0.6) for velocity in (1.0, 0.8, 0.6)),
+    *((1.0, 0.45), (0.6, 0.45), (0.5, 0.3), (0.4, 0.2), (0.3, 0.1)),
+)
 
 
 def state_at(samples: Samples, k: int) -> State:
@@ -106,7 +110,7 @@ class Edge:
         self,
         options: Iterator[Option],
         raised: Callable[[], Iterator[Option]],
-        judge: Callable[[Option], Verdict],
+        judge: Callable[[Option], Finding | None],
     ) -> None:
         self._options = sorted(options, key=lambda option: option.duration)
         self._raised: Callable[[], Iterator[Option]] | None = raised
@@ -134,10 +138,10 @@ class Edge:
         """Judge, until a motion is allowed; returns whether the time stays."""
         before = self.time
         while self.best is not None and not self._is_judged:
-            verdict = self._judge(self.best)
-            self._is_judged = verdict.ok
-            if not verdict.ok:
-                self.trouble = self.trouble or verdict.words
+            broken = self._judge(self.best)
+            self._is_judged = broken is None
+            if broken is not None:
+                self.trouble = self.trouble or broken.words
                 self._options.pop(0)
                 self._fill()
         return self.time == before
@@ -145,8 +149,8 @@ class Edge:
 
 def _direct(space: SpatialScene, start: State, goal: State) -> Iterator[Transfer]:
     arm = space.kinematics.arm
-    for share in SHARES:
-        found = transfer(arm, start, goal, 1.0, share)
+    for shares in SHARES:
+        found = transfer(arm, start, goal, *shares)
         if found is not None:
             yield found
 
@@ -176,7 +180,7 @@ def rest_edge(space: SpatialScene, start: State, goal: State, *, held: bool) -> 
     return Edge(
         (option((found,)) for found in _direct(space, start, goal)),
         lambda: map(option, _by_raised(space, start, goal)),
-        lambda found: motion_verdict(space, found.samples, held=held),
+        lambda found: first_finding(space, found.samples, held=held),
     )
 
 
@@ -198,17 +202,17 @@ def enter_edge(one: CycleThrow, pick: State) -> Edge:
             for parts in _by_raised(one.space, pick, state_at(one.samples, k)):
                 yield option(parts, k)
 
-    return Edge(direct(), raised, lambda found: motion_verdict(one.space, found.samples, held=True))
+    return Edge(direct(), raised, lambda found: first_finding(one.space, found.samples, held=True))
 
 
 def leave_edge(one: CycleThrow, goal: State) -> Edge:
     """From the release, without a stop, to rest at the next pick or at home."""
     start = state_at(one.samples, one.free)
 
-    def judge(found: Option) -> Verdict:
-        verdict = motion_verdict(one.space, found.samples, held=False)
+    def judge(found: Option) -> Finding | None:
+        broken = first_finding(one.space, found.samples, held=False)
         flown = flight_findings(one.space, one.throw, found.samples, TICK * one.free)
-        return dataclasses.replace(verdict, findings=(*verdict.findings, *flown))
+        return broken or next(iter(flown), None)
 
     def option(parts: tuple[Transfer, ...]) -> Option:
         return Option(TICK * sum(part.ticks for part in parts), parts, one.free)
