@@ -14,3 +14,4 @@ from .arm import (
 )
 from .capsules import ArmCapsules, Solid, about_z, segment_distance
 from .kinematics import PlanarArm, PlanarDynamics, PlanarHand, flange_velocity, hand_motion
+from .spatial import FrameMotion, arm_torques, frame_motions
