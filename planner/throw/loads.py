@@ -1,5 +1,4 @@
-"""Loads of a motion with the held object on the grip and on an arm's joints: of a throw in its plane,
-of any motion in space."""
+"""Loads of a motion with the held object on the grip and on an arm's throwing joints."""
 
 from __future__ import annotations
 
@@ -10,27 +9,11 @@ from typing import Any
 import numpy as np
 
 from ...core import TorquesC
-from ...models import (
-    Array,
-    HandSamples,
-    PinchUse,
-    ReadOnly,
-    Trajectory,
-    held_wrench,
-    pinch_use,
-    read_only,
-)
-from ...models.robot import (
-    Arm,
-    LinkInertia,
-    PlanarArm,
-    PlanarDynamics,
-    arm_torques,
-    frame_motions,
-)
+from ...models import Array, HandSamples, ReadOnly, Trajectory, held_wrench, read_only
+from ...models.robot import PlanarArm, PlanarDynamics
 from ...problems import Scene, Torque
 from .manipulator import Manipulator
-from .sending import TICK, Samples
+from .sending import TICK
 
 #: Torque limits of a scene without [torque].
 BASE = Torque()
@@ -140,74 +123,3 @@ def _core_torques(kinematics: PlanarArm, limits: tuple[float, ...]) -> TorquesC:
         found.mass[i], found.inertia[i], found.limit[i] = body.mass, body.inertia, limits[i]
         found.along[i], found.up[i] = body.com
     return found
-
-
-# In space.
-
-
-@dataclass(frozen=True, eq=False)
-class ArmLoads(ReadOnly):
-    """What a motion of all an arm's joints takes, at each of its N samples.
-
-    grip: use of the pads' force, None for an empty hand. torque [N m]: of each joint (N, joints),
-    and its limits (joints,); None for an arm without masses. speed (N,) [m/s]: the higher one of
-    flange and pads' centre.
-    """
-
-    grip: PinchUse | None
-    torque: Array | None
-    limits: Array
-    speed: Array
-
-    @classmethod
-    def of(cls, scene: Scene, samples: Samples, *, held: bool) -> ArmLoads:
-        """Loads of a scene's arm by samples of all its joints; held: with the object in the hand,
-        which the full grip presses."""
-        arm = scene.arm
-        assert arm is not None  # checked by the caller
-        frames = frame_motions(arm, samples.q, samples.dq, samples.ddq)
-        carried, grip = held_link(scene) if held else None, None
-        if carried is not None:
-            axes, full = _hand_axes(arm), scene.gripper.profile().full
-            wrench = frames[-1].wrench(carried, scene.gravity)
-            force, torque = (axes @ frames[-1].seen(part).T for part in wrench)
-            grip = pinch_use(scene.patch, force, torque, full)
-        torques = arm_torques(arm, frames, scene.gravity, carried) if arm.links else None
-        speed = np.max([np.linalg.norm(frame.velocity, axis=1) for frame in frames[-2:]], axis=0)
-        return cls(grip, torques, _all_limits(scene, arm), speed)
-
-
-def _all_limits(scene: Scene, arm: Arm) -> Array:
-    """Torque limits (joints,) [N m] of all joints."""
-    limits = np.array(arm.limits.torque)
-    if scene.torque is not None:
-        throwing = [joint - 1 for joint in arm.throwing_joints]
-        limits[throwing] = scene.torque.of(arm, arm.throwing_joints)
-    return limits
-
-
-@lru_cache(maxsize=8)
-def _hand_axes(arm: Arm) -> Array:
-    """Directions along the hand, across it in the pads' plane, and along the pads' normal, as rows
-    (3, 3) in the pads' frame.
-
-    In a throw they are those of its plane: the second one is the first turned from x to z.
-    """
-    side = np.sign(arm.placed(arm.posture)[-1][1, 1])
-    return read_only(np.array([[0.0, 0.0, 1.0], [-side, 0.0, 0.0], [0.0, -side, 0.0]]))
-
-
-def held_link(scene: Scene) -> LinkInertia:
-    """The held object in the pads' frame.
-
-    [object] inertia is that about the pads' normal. A bar has the same about the axis across it,
-    and mass width^2 / 6 about its own, as a uniform one of square section.
-    """
-    assert scene.arm is not None
-    bar, angle, body = scene.object, scene.grasp.angle, scene.body
-    direction = np.array([np.cos(angle), np.sin(angle), 0.0]) @ _hand_axes(scene.arm)
-    own = min(bar.mass * bar.width**2 / 6, 2 * body.inertia)
-    along = np.outer(direction, direction)
-    tensor = body.inertia * (np.eye(3) - along) + own * along
-    com = tuple((body.com_offset * direction).tolist())
-    return LinkInertia(body.mass, com, tuple(tensor[np.triu_indices(3)].tolist()))

@@ -1,0 +1,176 @@
+"""The verdict on a motion of all joints of an arm, with the object in the hand or without.
+
+Throws move in a vertical plane, and `verdict` judges them there; this is for what is between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models import Array
+from ...models.robot import PadMotion, segment_distance
+from ..clearance import BAR, SpatialScene, bar_ends
+from ..throw import TICK, Samples, Throw, arm_excesses
+from .findings import JOINT_LIMITS, Code, Finding, Verdict
+from .single import FLYING, NEAR, collision
+
+#: Distance [samples] of the instants at which bodies are placed; the core measures between them.
+PLACES = 10
+
+
+def motion_verdict(space: SpatialScene, samples: Samples, *, held: bool) -> Verdict:
+    """All limits that a motion of all joints breaks.
+
+    samples: of all joints, (N, joints); held: whether the hand holds the object all the time.
+    """
+    states = samples.q, samples.dq, samples.ddq
+    motion = _Motion(space, samples, space.spatial.pads(*states), held)
+    findings = [
+        Finding(JOINT_LIMITS[e.kind], e.value, e.limit, e.time, e.joint)
+        for e in arm_excesses(space.kinematics.arm, samples)
+    ]
+    for rule in (_tool_speed, _torque, _grip, _low, _column, _collisions):
+        findings += rule(motion)
+    return Verdict(tuple(findings))
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A motion that is judged: samples, and the pads' motion at each of them."""
+
+    space: SpatialScene
+    samples: Samples
+    pads: PadMotion
+    held: bool
+
+    def load(self) -> tuple[Array, Array]:
+        """Force [N], and torque about the pads' centre [N m], (N, 3) each, that the hand gives to
+        the object, a slender bar."""
+        scene, pads, bar = self.space.scene, self.pads, self.space.bar_in_hand
+        thrown, axes = scene.object, pads.pose[:, :3, :3]
+        along = (bar[1] - bar[0]) / thrown.length
+        r = axes @ (bar[0] + thrown.com * along)
+        swing = np.cross(pads.omega, r)
+        a = pads.acceleration + np.cross(pads.alpha, r) + np.cross(pads.omega, swing)
+        force = thrown.mass * (a + np.array([0.0, 0.0, scene.gravity]))
+        # The inertia of a square section about the axis, and the object's own across it.
+        own, u = thrown.mass * thrown.width**2 / 6, axes @ along
+        spins = [
+            thrown.inertia * w + (own - thrown.inertia) * (w * u).sum(axis=1)[:, None] * u
+            for w in (pads.omega, pads.alpha)
+        ]
+        torque = np.cross(r, force) + spins[1] + np.cross(pads.omega, spins[0])
+        return force, torque
+
+
+def _worst(code: Code, values: Array, limit: float, body: str = "") -> Iterator[Finding]:
+    """A finding if the largest of values (N,) is above the limit."""
+    k = int(values.argmax())
+    if values[k] > limit:
+        yield Finding(code, float(values[k]), limit, TICK * k, body)
+
+
+def _tool_speed(motion: _Motion) -> Iterator[Finding]:
+    limit = motion.space.scene.tool_speed
+    if limit is not None:
+        both = np.linalg.norm([motion.pads.velocity, motion.pads.flange_velocity], axis=2)
+        yield from _worst(Code.TOOL_SPEED, both.max(axis=0), limit)
+
+
+def _torque(motion: _Motion) -> Iterator[Finding]:
+    scene, arm = motion.space.scene, motion.space.kinematics.arm
+    if not arm.links:
+        return
+    limits = np.array(arm.limits.torque)
+    throwing, section = np.array(motion.space.kinematics.throwing_joints) - 1, scene.torque
+    if section is not None:
+        limits[throwing] = section.of(arm, motion.space.kinematics.throwing_joints)
+    load = np.hstack(motion.load()) if motion.held else np.zeros((len(motion.samples.q), 6))
+    samples = motion.samples
+    states = samples.q, samples.dq, samples.ddq
+    torques = motion.space.spatial.torques(*states, scene.gravity, load)
+    for j, use in enumerate((np.abs(torques) / limits).T, start=1):
+        yield from _worst(Code.TORQUE, use, 1.0, f"joint {j}")
+    if section is not None and section.rate is not None:
+        rates = np.abs(np.diff(torques[:, throwing], axis=0)).max(axis=1, initial=0.0) / TICK
+        if rates.size:
+            yield from _worst(Code.TORQUE_RATE, rates, section.rate)
+
+
+def _grip(motion: _Motion) -> Iterator[Finding]:
+    """Slip of the held object.
+
+    Friction of the pads takes force across their closing axis and torque about it, as in a throw;
+    what acts along that axis, and torques that tilt the object out of the pads, are not judged.
+    """
+    if not motion.held:
+        return
+    scene, axes = motion.space.scene, motion.pads.pose[:, :3, :3]
+    force, torque = motion.load()
+    normal, along = motion.space.plane_side * axes[:, :, 1], axes[:, :, 2]
+    across = np.cross(normal, along)
+    parts = [(f * e).sum(axis=1) for f, e in ((force, along), (force, across), (torque, normal))]
+    use = np.sqrt(scene.patch.utilisation_squared(*parts, scene.gripper.profile().full))
+    yield from _worst(Code.SLIP_BEFORE_OPENING, use, 1.0)
+
+
+def _low(motion: _Motion) -> Iterator[Finding]:
+    workspace = motion.space.scene.workspace
+    if motion.held and workspace is not None and workspace.floor is not None:
+        lowest = motion.space.lowest_of_bar(motion.pads)
+        for finding in _worst(Code.FLOOR, NEAR - lowest, -workspace.floor, BAR):
+            yield Finding(
+                Code.FLOOR, NEAR - finding.value, workspace.floor, finding.time, finding.body
+            )
+
+
+def _column(motion: _Motion) -> Iterator[Finding]:
+    workspace = motion.space.scene.workspace
+    if not motion.held or workspace is None or workspace.column_radius is None:
+        return
+    assert workspace.column_height is not None
+    room = motion.space.column_distance(
+        motion.pads, workspace.column_radius, workspace.column_height
+    )
+    if room.min() < -NEAR:
+        yield Finding(Code.COLUMN, float(room.min()), 0.0, TICK * int(room.argmin()), BAR)
+
+
+def _collisions(motion: _Motion) -> Iterator[Finding]:
+    space, count = motion.space, len(motion.samples.q)
+    places = np.unique(np.append(np.arange(0, count, PLACES), count - 1))
+    if len(places) < 2 or (space.manipulator.capsules is None and not space.scene.obstacle):
+        return
+    bar = space.held_ends(motion.pads)[..., places] if motion.held else None
+    track = space.bodies(motion.samples.q[places], TICK * places, bar)
+    yield from map(collision, space.around.clearances(track))
+
+
+def flight_findings(
+    space: SpatialScene, throw: Throw, samples: Samples, begins: float
+) -> tuple[Finding, ...]:
+    """Whether the arm touches the object that flies, from `begins` [s] on the throw's clock until
+    the landing.
+
+    samples: of all joints from then on; after their end the arm rests. Before, `verdict` of the
+    throw measures the distance of hand and object.
+    """
+    capsules = space.manipulator.capsules
+    times = begins + TICK * np.arange(len(samples.q))
+    times = times[times <= throw.landing_time]
+    if capsules is None or not times.size:
+        return ()
+    com = throw.flight(times - throw.detach_time)
+    plane, ends = throw.target.plane, bar_ends(throw.scene.object, com)[0]
+    placed = np.array([plane.points(end[0], end[2]) for end in ends])
+    bodies = space.bodies(samples.q[: times.size], times)
+    radius = throw.scene.object.width / np.sqrt(2)
+    for name, links, own in zip(bodies.names, bodies.ends, bodies.radius, strict=True):
+        gap = segment_distance(links[0].T, links[1].T, placed[0], placed[1]) - own - radius
+        if gap.min() < -NEAR:
+            when = float(times[gap.argmin()])
+            return (Finding(Code.COLLISION, float(gap.min()), 0.0, when, FLYING, name),)
+    return ()
