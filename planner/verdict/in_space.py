@@ -14,6 +14,7 @@ from ...models import Array
 from ...models.robot import PadMotion, segment_distance
 from ..clearance import BAR, SpatialScene, bar_ends
 from ..throw import TICK, Samples, Throw, arm_excesses
+from .carry import grip_findings, object_wrench
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .single import FLYING, NEAR, collision
 
@@ -64,25 +65,6 @@ class _Motion:
     pads: PadMotion
     held: bool
 
-    def load(self) -> tuple[Array, Array]:
-        """Force [N], and torque about the pads' centre [N m], (N, 3) each, that the hand gives to
-        the object, a slender bar."""
-        scene, pads, bar = self.space.scene, self.pads, self.space.bar_in_hand
-        thrown, axes = scene.object, pads.pose[:, :3, :3]
-        along = (bar[1] - bar[0]) / thrown.length
-        r = axes @ (bar[0] + thrown.com * along)
-        swing = np.cross(pads.omega, r)
-        a = pads.acceleration + np.cross(pads.alpha, r) + np.cross(pads.omega, swing)
-        force = thrown.mass * (a + np.array([0.0, 0.0, scene.gravity]))
-        # The inertia of a square section about the axis, and the object's own across it.
-        own, u = thrown.mass * thrown.width**2 / 6, axes @ along
-        spins = [
-            thrown.inertia * w + (own - thrown.inertia) * (w * u).sum(axis=1)[:, None] * u
-            for w in (pads.omega, pads.alpha)
-        ]
-        torque = np.cross(r, force) + spins[1] + np.cross(pads.omega, spins[0])
-        return force, torque
-
 
 def _worst(
     code: Code, times: Array, values: Array, limit: float, body: str = ""
@@ -108,7 +90,9 @@ def _torque(motion: _Motion) -> Iterator[Finding]:
     throwing, section = np.array(motion.space.kinematics.throwing_joints) - 1, scene.torque
     if section is not None:
         limits[throwing] = section.of(arm, motion.space.kinematics.throwing_joints)
-    load = np.hstack(motion.load()) if motion.held else np.zeros((len(motion.q), 6))
+    load = np.zeros((len(motion.q), 6))
+    if motion.held:
+        load = np.hstack(object_wrench(motion.space, motion.pads))
     states = motion.q, motion.dq, motion.ddq
     torques = motion.space.spatial.torques(*states, scene.gravity, load)
     for j, use in enumerate((np.abs(torques) / limits).T, start=1):
@@ -120,20 +104,8 @@ def _torque(motion: _Motion) -> Iterator[Finding]:
 
 
 def _grip(motion: _Motion) -> Iterator[Finding]:
-    """Slip of the held object.
-
-    Friction of the pads takes force across their closing axis and torque about it, as in a throw;
-    what acts along that axis, and torques that tilt the object out of the pads, are not judged.
-    """
-    if not motion.held:
-        return
-    scene, axes = motion.space.scene, motion.pads.pose[:, :3, :3]
-    force, torque = motion.load()
-    normal, along = motion.space.plane_side * axes[:, :, 1], axes[:, :, 2]
-    across = np.cross(normal, along)
-    parts = [(f * e).sum(axis=1) for f, e in ((force, along), (force, across), (torque, normal))]
-    use = np.sqrt(scene.patch.utilisation_squared(*parts, scene.gripper.profile().full))
-    yield from _worst(Code.SLIP_BEFORE_OPENING, motion.times, use, 1.0)
+    if motion.held:
+        yield from grip_findings(motion.space, motion.pads, motion.times)
 
 
 def _low(motion: _Motion) -> Iterator[Finding]:
