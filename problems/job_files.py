@@ -136,6 +136,10 @@ class Jobs(JobKeys):
             return str(error).splitlines()
         return []
 
+    def bin(self, name: str) -> Bin:
+        """The bin of a name."""
+        return next(one for one in self.bins if one.name == name)
+
     def bins_of(self, pick: Pick) -> tuple[Bin, ...]:
         """The bins that a pick's object may go to."""
         return tuple(one for one in self.bins if pick.bins is None or one.name in pick.bins)

@@ -11,27 +11,19 @@ from ...models import Array
 from ...problems import Jobs
 from ..throw import State
 from .cycle import UnsolvedError
+from .edges import CycleThrow, Edge, at_rest, leave_edge, rest_edge
+from .entrance import enter_edge
 from .order import Times, best_order
-from .transfers import CycleThrow, Edge, at_rest, enter_edge, leave_edge, rest_edge
 
 
 class Network:
-    """Motions between all picks and throws, with their times.
+    """Motions between all picks and throws, with their times."""
 
-    kinds: of the picks' objects, as those of the throws.
-    """
-
-    def __init__(self, jobs: Jobs, throws: Sequence[CycleThrow], kinds: Sequence[int]) -> None:
+    def __init__(self, jobs: Jobs, throws: Sequence[CycleThrow]) -> None:
         self.jobs, self.throws = jobs, throws
         self.picks = [at_rest(pick.joints) for pick in jobs.picks]
         self.home = None if jobs.home is None else at_rest(jobs.home)
         self._edges: dict[tuple[object, ...], Edge] = {}
-        self._kinds = kinds
-
-    def is_allowed(self, pick: int, throw: int) -> bool:
-        """Whether a throw is of this pick's object into one of its bins."""
-        one, bins = self.throws[throw], self.jobs.bins_of(self.jobs.picks[pick])
-        return one.kind == self._kinds[pick] and self.jobs.bins[one.bin] in bins
 
     def first(self, pick: int) -> Edge | None:
         """From home to a pick; None where the cycle begins at a pick."""
@@ -78,7 +70,7 @@ class Network:
         enter: Array = np.full((len(picks), len(throws)), np.inf)
         for p in picks:
             for c in throws:
-                if self.is_allowed(p, c):
+                if self.throws[c].pick == p:
                     enter[p, c] = self.enter(p, c).time
         leave = np.array([[self.leave(c, p).time for p in picks] for c in throws]) + waits
         edges = [self.first(p) for p in picks]
@@ -130,11 +122,7 @@ class Network:
     def _why(self) -> str:
         """Why there is no order: the first pick that cannot be thrown or reached."""
         for p, pick in enumerate(self.jobs.picks):
-            allowed = [c for c in range(len(self.throws)) if self.is_allowed(p, c)]
-            if not allowed:
-                names = ", ".join(one.name for one in self.jobs.bins_of(pick))
-                return f"{pick.name}: no throw found into {names}"
-            ways = [self.enter(p, c) for c in allowed]
+            ways = [self.enter(p, c) for c, one in enumerate(self.throws) if one.pick == p]
             if all(edge.best is None for edge in ways):
                 return f"{pick.name}: no motion from the pick into a throw: {_words(ways)}"
             back = [self.leave(c, p) for c in range(len(self.throws))]

@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ...problems import InputError, Jobs, Pick, Scene, check_arguments
+from ...problems import InputError, Jobs, Pick, Pose, Scene, check_arguments
 from ..planner import Planner
+from ..result import Plan
+from ..throw import State
 from .cycle import Cycle, UnsolvedError
+from .edges import CycleThrow, at_rest
 from .network import Network
 from .order import EXACT
 from .sequence import sequence
-from .transfers import CycleThrow
 
 #: Time [s] for each throw that is planned.
 PATIENCE = 3.0
+#: Largest number of bins into which throws of a pick are planned: those whose planes are nearest.
+MOST_BINS = 4
+#: Time [s] that an object takes, for a first guess where moving bins are.
+CYCLE_TIME = 2.0
+#: Start poses [rad] that differ by less are one.
+ALIKE = 1e-9
 
 
 @check_arguments
@@ -39,7 +47,7 @@ def plan_cycle(
         spent = {"throws": planned, "total": planned}
         return Cycle(jobs.name, refused=throws.trouble, time=spent)
     say(f"{jobs.name}: finding the order")
-    network = Network(jobs, throws.found, throws.kinds)
+    network = Network(jobs, throws.found)
     try:
         order, chosen = network.fastest()
         say(f"{jobs.name}: joining the motions")
@@ -56,54 +64,52 @@ def plan_cycle(
 
 
 class _Throws:
-    """Throws for every object into every bin that it may go to.
+    """Throws of each object into its bins, in the least time from rest in the pick's own pose.
 
-    Objects that are alike share them. Each is planned from rest in the throwing joints' pose of a
-    pick, in the least time, and from a free start pose if that finds none.
+    found: of each pick in turn; a throw is planned once for objects that are alike in like poses.
     """
 
     def __init__(self, jobs: Jobs, patience: float, say: Callable[[str], object]) -> None:
         self.jobs, self._patience = jobs, patience
         self._planners: list[Planner] = []
+        self._plans = list[tuple[Scene, State, Plan]]()
         self.found: list[CycleThrow] = []
-        self.kinds: list[int] = []
         self.trouble = ""
-        sections: list[dict[str, object]] = []
-        for pick in jobs.picks:
-            if pick.sections not in sections:
-                sections.append(pick.sections)
-            self.kinds.append(sections.index(pick.sections))
-        for kind in range(len(sections)):
-            picks = [p for p, k in zip(jobs.picks, self.kinds, strict=True) if k == kind]
-            for number, one in enumerate(jobs.bins):
-                able = [pick for pick in picks if one in jobs.bins_of(pick)]
-                if able:
-                    say(f"{self.jobs.name}: planning throws into {one.name}")
-                    self._plan(kind, number, able)
+        for number, pick in enumerate(jobs.picks):
+            say(f"{jobs.name}: planning throws of {pick.name}")
+            self._plan(number, pick)
 
-    def _plan(self, kind: int, number: int, picks: Sequence[Pick]) -> None:
-        """Throws of one kind of object into one bin."""
-        one = self.jobs.bins[number]
-        scene, reasons = self.jobs.scene_of(picks[0], one), list[str]()
-        target = scene.target
-        assert target is not None
-        # A bin that moves is aimed at where it is in the middle of the cycle.
-        goal = target.at(0.75 * len(self.jobs.picks)).changed(velocity=None, since=0.0)
-        for start in (_middle(picks, scene), None):
-            planner = self._planner(scene, start)
-            plan = planner.plan(goal, patience=self._patience)
+    def _plan(self, number: int, pick: Pick) -> None:
+        """Throws from one pick."""
+        scenes = {one.name: self.jobs.scene_of(pick, one) for one in self.jobs.bins_of(pick)}
+        reasons, count = list[str](), len(self.found)
+        for name in _nearest(pick, scenes)[:MOST_BINS]:
+            target = scenes[name].target
+            assert target is not None
+            # A bin that moves is aimed at where it is in the middle of the cycle.
+            goal = target.at(CYCLE_TIME / 2 * len(self.jobs.picks))
+            plan = self._planned(scenes[name], goal, _start(pick, scenes[name]))
             if plan.solved:
-                self.found.append(CycleThrow(plan, number, kind))
-                return
-            reasons.append(plan.message)
-        words = f"{picks[0].name} into {one.name}: {reasons[-1]}"
-        if not all(len(self.jobs.bins_of(pick)) > 1 for pick in picks):
-            self.trouble = self.trouble or words
+                self.found.append(CycleThrow(plan, number, name))
+            else:
+                reasons.append(f"{pick.name} into {name}: {plan.message}")
+        if len(self.found) == count:
+            self.trouble = self.trouble or reasons[0]
 
-    def _planner(self, scene: Scene, start: tuple[float, ...] | None) -> Planner:
-        """The planner of a scene with a start pose; one for all that differ in the target only."""
-        assert scene.robot is not None
-        scene = scene.replace(robot=dataclasses.replace(scene.robot, start=start))
+    def _planned(self, scene: Scene, target: Pose, start: State, warm: Plan | None = None) -> Plan:
+        """The throw to a target, as if that were at rest."""
+        goal = target.changed(velocity=None, since=0.0)
+        scene = scene.aimed_at(goal)
+        for known, state, plan in self._plans:
+            if known == scene and np.abs(state.q - start.q).max() < ALIKE:
+                return plan
+        planner = self._planner(scene)
+        plan = planner.plan(goal, start=start, warm=warm, patience=self._patience)
+        self._plans.append((scene, start, plan))
+        return plan
+
+    def _planner(self, scene: Scene) -> Planner:
+        """The planner of a scene; one for all that differ in the target only."""
         for planner in self._planners:
             own = planner.scene
             assert scene.target is not None
@@ -114,22 +120,26 @@ class _Throws:
 
     def again(self, one: CycleThrow, seconds: float) -> CycleThrow | None:
         """A throw into a moving bin, for where it is `seconds` after the start of the cycle."""
-        target = self.jobs.scene_of(self._pick_of(one), self.jobs.bins[one.bin]).target
-        assert target is not None
-        planner = next(p for p in self._planners if p.scene.fits(one.plan.scene))
-        goal = target.at(seconds).changed(velocity=None, since=0.0)
-        plan = planner.plan(goal, warm=one.plan, patience=self._patience)
-        return CycleThrow(plan, one.bin, one.kind) if plan.solved else None
-
-    def _pick_of(self, one: CycleThrow) -> Pick:
-        """A pick of the object of a throw."""
-        return self.jobs.picks[self.kinds.index(one.kind)]
+        pick = self.jobs.picks[one.pick]
+        scene = self.jobs.scene_of(pick, self.jobs.bin(one.bin))
+        assert scene.target is not None
+        plan = self._planned(scene, scene.target.at(seconds), _start(pick, scene), one.plan)
+        return CycleThrow(plan, one.pick, one.bin) if plan.solved else None
 
 
-def _middle(picks: Sequence[Pick], scene: Scene) -> tuple[float, ...]:
-    """The throwing joints' pose of the pick that is nearest to all others."""
-    arm = scene.arm
-    assert arm is not None
-    poses = np.array([pick.joints for pick in picks])[:, np.array(arm.throwing_joints) - 1]
-    away = np.abs(poses[:, None] - poses).sum(axis=(1, 2))
-    return tuple(poses[away.argmin()].tolist())
+def _start(pick: Pick, scene: Scene) -> State:
+    """The throwing joints at rest at a pick."""
+    assert scene.arm is not None
+    return at_rest([pick.joints[joint - 1] for joint in scene.arm.throwing_joints])
+
+
+def _nearest(pick: Pick, scenes: Mapping[str, Scene]) -> list[str]:
+    """Names of bins, those first whose throws' planes are nearest to the pick's."""
+
+    def turn(name: str) -> float:
+        arm, target = scenes[name].arm, scenes[name].target
+        assert arm is not None and target is not None
+        angle = arm.azimuth_angle(target.plane.azimuth)
+        return abs(angle - pick.joints[arm.azimuth_joint - 1])
+
+    return sorted(scenes, key=turn)

@@ -11,7 +11,8 @@ import numpy as np
 from ...problems import Jobs
 from ..throw import TICK, Samples, State
 from .cycle import Cycle, Step, UnsolvedError
-from .transfers import CycleThrow, Edge, Option, enter_edge, joined, leave_edge
+from .edges import CycleThrow, Edge, Option, joined, leave_edge
+from .entrance import enter_edge
 
 if TYPE_CHECKING:
     from .network import Network
@@ -44,7 +45,7 @@ def sequence(
         pick, one, state = jobs.picks[number], network.throws[chosen[n]], network.picks[number]
         held = tick + math.ceil(pick.grasp_time / TICK - 1e-9)
         enter, leave, wait = edges[2 * n], edges[2 * n + 1], 0
-        target = jobs.scene_of(pick, jobs.bins[one.bin]).target
+        target = jobs.scene_of(pick, jobs.bin(one.bin)).target
         assert target is not None
         if not target.at_rest:
             one, enter, wait = _meet(one, state, held, again)
@@ -60,7 +61,7 @@ def sequence(
         scene = one.throw.scene.aimed_at(target.at(origin + one.throw.landing_time))
         opening = origin + one.throw.opening_time
         free = join + one.free - way.join
-        names = pick.name, jobs.bins[one.bin].name
+        names = pick.name, one.bin
         steps.append(Step(*names, scene, reach, held, join, free, opening))
         tick = free + len(_best(leave).samples.q) - 1
     return Cycle(jobs.name, tuple(steps), joined(parts))

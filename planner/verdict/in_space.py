@@ -42,15 +42,16 @@ def first_finding(space: SpatialScene, samples: Samples, *, held: bool) -> Findi
 
 
 def _findings(space: SpatialScene, samples: Samples, held: bool, step: int) -> Iterator[Finding]:
-    """Broken limits, by every `step`-th sample and the last; of the joints by all."""
+    """Broken limits, by every `step`-th sample and the last; those of the joints by all only."""
     count = len(samples.q)
     rows = np.unique(np.append(np.arange(0, count, step), count - 1))
     states = samples.q[rows], samples.dq[rows], samples.ddq[rows]
     motion = _Motion(space, TICK * rows, *states, space.spatial.pads(*states), held)
-    for e in arm_excesses(space.kinematics.arm, samples):
-        yield Finding(JOINT_LIMITS[e.kind], e.value, e.limit, e.time, e.joint)
-    for rule in (_tool_speed, _grip, _low, _column, _torque, _collisions):
+    for rule in (_tool_speed, _grip, _low, _column, _torque):
         yield from rule(motion)
+    for e in arm_excesses(space.kinematics.arm, samples) if step == 1 else ():
+        yield Finding(JOINT_LIMITS[e.kind], e.value, e.limit, e.time, e.joint)
+    yield from _collisions(motion)
 
 
 @dataclass(frozen=True)

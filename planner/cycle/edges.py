@@ -1,11 +1,10 @@
-"""Motions between picks and throws: into the swing, from the release to the next pick, and from
-rest to rest, each the fastest that the verdict allows."""
+"""Motions between picks and throws, each the fastest that the verdict allows."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,17 +13,21 @@ import numpy as np
 from ...models import Array
 from ..clearance import SpatialScene
 from ..result import Plan, joint_samples, sent_throw
-from ..throw import TICK, Samples, State, Throw, Transfer, transfer
+from ..throw import (
+    TICK,
+    Samples,
+    State,
+    Throw,
+    Transfer,
+    joint_limits,
+    transfer,
+)
 from ..verdict import Finding, first_finding, flight_findings
 
-#: Number of samples of a swing at which a motion may join it, before the pads may open.
-JOINS = 32
 #: Shares of the limits on velocity, and on acceleration and jerk, that are tried.
 SHARES = (
-    *((velocity, 1.0) for velocity in (1.0, 0.95, 0.9, 0.85, 0.8, 0.7, 0.6)),
-    *((velocity, 0.8) for velocity in (1.0, 0.9, 0.8, 0.7, 0.6)),
-    *((velocity, 0.6) for velocity in (1.0, 0.8, 0.6)),
-    *((1.0, 0.45), (0.6, 0.45), (0.5, 0.3), (0.4, 0.2), (0.3, 0.1)),
+    *((1.0, 1.0), (0.95, 1.0), (0.9, 1.0), (0.8, 1.0), (0.7, 1.0), (1.0, 0.8), (0.9, 0.8)),
+    *((0.8, 0.8), (0.7, 0.6), (1.0, 0.6), (0.6, 0.45), (0.5, 0.3), (0.4, 0.2), (0.3, 0.1)),
 )
 
 
@@ -33,7 +36,7 @@ def state_at(samples: Samples, k: int) -> State:
     return State(samples.q[k], samples.dq[k], samples.ddq[k])
 
 
-def at_rest(joints: Array | tuple[float, ...]) -> State:
+def at_rest(joints: Array | Sequence[float]) -> State:
     """Joints (n,) [rad] at rest."""
     q = np.array(joints, float)
     return State(q, 0.0 * q, 0.0 * q)
@@ -41,11 +44,11 @@ def at_rest(joints: Array | tuple[float, ...]) -> State:
 
 @dataclass(frozen=True, eq=False)
 class CycleThrow:
-    """A planned throw that a cycle may use. bin: number of its bin; kind: of its object."""
+    """A planned throw that a cycle may use. pick: number of its pick; bin: name of its bin."""
 
     plan: Plan
-    bin: int
-    kind: int
+    pick: int
+    bin: str
 
     @cached_property
     def throw(self) -> Throw:
@@ -78,19 +81,19 @@ class CycleThrow:
         return first
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Option:
     """A motion that may be taken. duration [s]: with the part of the throw that it determines;
-    join: sample of the throw at which it begins or ends; parts: motions one after another."""
+    make: its samples (N, joints); join: sample of the throw with which they end."""
 
     duration: float
-    parts: tuple[Transfer, ...]
+    make: Callable[[], Samples]
     join: int = 0
 
     @cached_property
     def samples(self) -> Samples:
         """Samples (N, joints) of all parts."""
-        return joined([part.samples for part in self.parts])
+        return self.make()
 
 
 def joined(parts: list[Samples]) -> Samples:
@@ -148,9 +151,9 @@ class Edge:
 
 
 def _direct(space: SpatialScene, start: State, goal: State) -> Iterator[Transfer]:
-    arm = space.kinematics.arm
-    for shares in SHARES:
-        found = transfer(arm, start, goal, *shares)
+    limits = joint_limits(space.kinematics.arm, range(1, space.kinematics.arm.joints + 1))
+    for velocity, acceleration in SHARES:
+        found = transfer(limits, start, goal, velocity, acceleration)
         if found is not None:
             yield found
 
@@ -163,7 +166,7 @@ def _raised_pose(space: SpatialScene, joints: Array) -> State:
     return at_rest(raised)
 
 
-def _by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple[Transfer, ...]]:
+def by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple[Transfer, ...]]:
     """Motions by a raised pose, where they stop."""
     rest = start if not start.dq.any() else goal
     middle = _raised_pose(space, rest.q)
@@ -171,38 +174,24 @@ def _by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple
     yield from itertools.product(*ways)
 
 
+def option_of(parts: tuple[Transfer, ...], after: int = 0, join: int = 0) -> Option:
+    """Transfers one after another, and the number of samples of the throw that follow."""
+    ticks = sum(part.ticks for part in parts) + after
+    return Option(TICK * ticks, lambda: joined([part.samples for part in parts]), join)
+
+
 def rest_edge(space: SpatialScene, start: State, goal: State, *, held: bool) -> Edge:
     """From rest to rest."""
-
-    def option(parts: tuple[Transfer, ...]) -> Option:
-        return Option(TICK * sum(part.ticks for part in parts), parts)
-
     return Edge(
-        (option((found,)) for found in _direct(space, start, goal)),
-        lambda: map(option, _by_raised(space, start, goal)),
+        (option_of((found,)) for found in _direct(space, start, goal)),
+        lambda: map(option_of, by_raised(space, start, goal)),
         lambda found: first_finding(space, found.samples, held=held),
     )
 
 
-def enter_edge(one: CycleThrow, pick: State) -> Edge:
-    """From rest at a pick, with the object, into the swing; its time is until the hand is free."""
-    last = math.floor(one.throw.opening_time / TICK)
-    joins = np.unique(np.linspace(0, last, JOINS).astype(int)).tolist()
-
-    def option(parts: tuple[Transfer, ...], k: int) -> Option:
-        return Option(TICK * (sum(part.ticks for part in parts) + one.free - k), parts, k)
-
-    def direct() -> Iterator[Option]:
-        for k in joins:
-            for found in _direct(one.space, pick, state_at(one.samples, k)):
-                yield option((found,), k)
-
-    def raised() -> Iterator[Option]:
-        for k in joins[:: JOINS // 4]:
-            for parts in _by_raised(one.space, pick, state_at(one.samples, k)):
-                yield option(parts, k)
-
-    return Edge(direct(), raised, lambda found: first_finding(one.space, found.samples, held=True))
+def rows_of(samples: Samples) -> tuple[Array, Array, Array]:
+    """q, dq, ddq."""
+    return samples.q, samples.dq, samples.ddq
 
 
 def leave_edge(one: CycleThrow, goal: State) -> Edge:
@@ -214,11 +203,8 @@ def leave_edge(one: CycleThrow, goal: State) -> Edge:
         flown = flight_findings(one.space, one.throw, found.samples, TICK * one.free)
         return broken or next(iter(flown), None)
 
-    def option(parts: tuple[Transfer, ...]) -> Option:
-        return Option(TICK * sum(part.ticks for part in parts), parts, one.free)
-
     return Edge(
-        (option((found,)) for found in _direct(one.space, start, goal)),
-        lambda: map(option, _by_raised(one.space, start, goal)),
+        (option_of((found,)) for found in _direct(one.space, start, goal)),
+        lambda: map(option_of, by_raised(one.space, start, goal)),
         judge,
     )
