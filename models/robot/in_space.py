@@ -1,4 +1,4 @@
-"""An arm in space: frames, velocities, accelerations and torques of all its joints, N states."""
+"""An arm in space: frames, velocities, accelerations and torques of all joints, for N states."""
 
 from __future__ import annotations
 

@@ -26,4 +26,4 @@ from .throw import (
     cup_entries,
     release_numbers,
 )
-from .transfer import arm_excesses, transfer
+from .transfer import Transfer, arm_excesses, transfer

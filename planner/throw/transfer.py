@@ -7,6 +7,9 @@ that depend on them are for the verdict.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,14 +17,36 @@ from ...models.robot import Arm
 from .manipulator import State, joint_limits
 from .sending import SHARE, TICK, Excess, Samples, joint_excesses
 
+if TYPE_CHECKING:
+    import ruckig
+
 #: Most attempts at a duration of whole samples.
 ROUNDINGS = 5
 
 
+@dataclass(frozen=True)
+class Transfer:
+    """A motion of all joints of an arm between two states of motion, in whole samples.
+
+    ticks: number of samples after the first one.
+    """
+
+    trajectory: ruckig.Trajectory = field(repr=False)
+    goal: State
+    ticks: int
+
+    @cached_property
+    def samples(self) -> Samples:
+        """Samples (N, joints) every millisecond, with both states."""
+        states = [self.trajectory.at_time(TICK * k) for k in range(self.ticks)]
+        states.append([row.tolist() for row in (self.goal.q, self.goal.dq, self.goal.ddq)])
+        return Samples(*np.moveaxis(np.array(states), 1, 0))
+
+
 def transfer(
     arm: Arm, start: State, goal: State, velocity: float = 1.0, acceleration: float = 1.0
-) -> Samples | None:
-    """Samples (N, joints) every millisecond from the first state to the other one, both included.
+) -> Transfer | None:
+    """The motion from the first state to the other one in the least time.
 
     velocity, acceleration: shares of the limits on velocity, and on acceleration and jerk. None if
     a state is beyond these.
@@ -40,7 +65,6 @@ def transfer(
         (share * limit).tolist()
         for share, limit in zip(shares, (limits.dq, limits.ddq, limits.jerk), strict=True)
     )
-    ticks = 0
     try:
         # A joint may have no motion of that duration: then the duration grows.
         for _ in range(ROUNDINGS):
@@ -49,15 +73,11 @@ def transfer(
                 return None
             ticks = math.ceil(trajectory.duration / TICK - 1e-6)
             if abs(trajectory.duration - TICK * ticks) < 1e-9:
-                break
+                return Transfer(trajectory, goal, ticks)
             order.minimum_duration = TICK * ticks
-        else:
-            return None
     except ruckig.RuckigError:
-        return None
-    states = [trajectory.at_time(TICK * k) for k in range(ticks)]
-    states.append((goal.q.tolist(), goal.dq.tolist(), goal.ddq.tolist()))
-    return Samples(*np.moveaxis(np.array(states), 1, 0))
+        pass
+    return None
 
 
 def arm_excesses(arm: Arm, sent: Samples) -> list[Excess]:

@@ -10,7 +10,7 @@ from ...models import Array, PinchUse, pinch_use
 from ...models.robot import PadMotion
 from ...problems import InputError, check_arguments
 from ..clearance import SpatialScene
-from ..throw import TICK, Samples
+from ..throw import Samples
 from .findings import Code, Finding
 
 #: Parts of the use of a pinch, in words.
@@ -64,10 +64,11 @@ def object_wrench(space: SpatialScene, pads: PadMotion) -> tuple[Array, Array]:
     return force, np.cross(r, force) + spins[1] + np.cross(pads.omega, spins[0])
 
 
-def grip_findings(space: SpatialScene, pads: PadMotion) -> Iterator[Finding]:
-    """The sample that needs most of the grip, if it needs too much, and the largest part of it."""
+def grip_findings(space: SpatialScene, pads: PadMotion, times: Array) -> Iterator[Finding]:
+    """The instant of `times` (N,) [s] that needs most of the grip, if it needs too much, and the
+    largest part of it."""
     grip = pinch_of(space, pads)
     worst = int(grip.use.argmax())
     if grip.use[worst] > 1.0:
         part = max(_PARTS, key=lambda name: float(getattr(grip, name)[worst]))
-        yield Finding(Code.CARRY, float(grip.use[worst]), 1.0, TICK * worst, _PARTS[part])
+        yield Finding(Code.CARRY, float(grip.use[worst]), 1.0, float(times[worst]), _PARTS[part])
