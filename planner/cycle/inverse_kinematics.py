@@ -1,4 +1,4 @@
-"""Joints of an arm whose hand points down at a place: numerically, for any arm."""
+"""Joints of an arm that hold the hand in a pose: numerically, for any arm."""
 
 from __future__ import annotations
 
@@ -19,8 +19,12 @@ from ..verdict import motion_verdict
 
 #: Residual [m; 1] of a solution: of the pads' centre and of their axes.
 CLOSE = 1e-9
+#: Angle [rad] of a hand that points down, in a throw's plane.
+DOWN = -math.pi / 2
 #: Number of starts besides the seed, random and the same each time.
 STARTS = 40
+#: Number of solutions of which the nearest to the seed is taken.
+ENOUGH = 5
 #: Steps from one start, and the largest one [rad] of a joint.
 STEPS, LONGEST = 60, 0.5
 #: Least damping of a step, and of a step far from the place, as a share of the squared residual.
@@ -34,14 +38,16 @@ def inverse_kinematics(
     turn: float | None,
     seed: Sequence[float],
     *,
+    angle: float = DOWN,
     held: bool = False,
     margin: float = 0.05,
 ) -> Array:
-    """Joints (joints,) [rad] that hold the pads' centre at a place, with the hand pointing down.
+    """Joints (joints,) [rad] that hold the pads' centre at a place, the hand pointing down.
 
     place (3,) [m]: in the base frame. turn [rad]: of the hand about the vertical, from x to y;
-    at 0 the pads lie in the plane of a throw along x; None: any. seed (joints,) [rad]: the solution
-    next to it is preferred, then the nearest of those from `STARTS` random starts. margin [rad]:
+    at 0 the pads lie in the plane of a throw along x; None: any, for a hand that points down.
+    angle [rad]: of the hand in the plane so turned, as in a throw. seed (joints,) [rad]: the
+    solution next to it is preferred, then the nearest of those from random starts. margin [rad]:
     from the ends of the joints' ranges. At rest there, arm and, if `held`, object break no limit of
     `motion_verdict`: own body, obstacles, floor, grip, torques.
 
@@ -54,7 +60,9 @@ def inverse_kinematics(
         raise InputError("hand pose: x, y, z must be 3 finite numbers, in m")
     if start.shape != (arm.joints,) or not np.isfinite(start).all():
         raise InputError(f"seed: must be {arm.joints} finite numbers, the joints of {arm.name}")
-    reach = _Reach(arm, goal, turn, margin)
+    if turn is None and angle != DOWN:
+        raise InputError("turn: None only for a hand that points down")
+    reach = _Reach(arm, goal, turn, angle, margin)
     found, trouble = list[Array](), ""
     for number, first in enumerate(_starts(space, goal, start)):
         q = reach.solved(first)
@@ -65,6 +73,8 @@ def inverse_kinematics(
             return q
         found += [] if words else [q]
         trouble = trouble or words
+        if len(found) == ENOUGH:
+            break
     if found:
         velocity = np.array(arm.limits.velocity)
         return min(found, key=lambda q: float((np.abs(q - start) / velocity).max()))
@@ -83,6 +93,7 @@ class _Reach:
     arm: Arm
     place: Array
     turn: float | None
+    angle: float
     margin: float
 
     def solved(self, start: Array) -> Array | None:
@@ -91,7 +102,10 @@ class _Reach:
         low, high = np.array(limits.position_min), np.array(limits.position_max)
         inset = np.minimum(self.margin, (high - low) / 2)
         low, high = low + inset, high - inset
-        function, given = _residual(self.arm, self.turn is None), [self.place, self.turn or 0.0]
+        function, given = (
+            _residual(self.arm, self.turn is None),
+            [self.place, self.turn or 0.0, self.angle],
+        )
         q = np.clip(start, low, high)
         for _ in range(STEPS):
             residual, slope, facing = (np.array(part) for part in function(q, *given))
@@ -108,20 +122,22 @@ class _Reach:
 
 @functools.lru_cache(maxsize=16)
 def _residual(arm: Arm, any_turn: bool) -> ca.Function:
-    """Function of joints, place and turn: residual of the hand pose, its Jacobian, and cosines
-    between axes of the pads and the wanted ones."""
-    q, place, turn = ca.SX.sym("q", arm.joints), ca.SX.sym("place", 3), ca.SX.sym("turn")
-    pads, down = arm.frames(q)[-1], ca.DM([0, 0, -1])
+    """Function of joints, place, turn and angle: residual of the hand pose, its Jacobian, and
+    cosines between axes of the pads and the wanted ones."""
+    q, place = ca.SX.sym("q", arm.joints), ca.SX.sym("place", 3)
+    turn, angle = ca.SX.sym("turn"), ca.SX.sym("angle")
+    pads, ahead = arm.frames(q)[-1], ca.vertcat(ca.cos(turn), ca.sin(turn), 0) * ca.cos(angle)
+    ahead[2] = ca.sin(angle)
     # In a throw along x the pads' y axis is the base's, or its opposite.
     side = float(np.sign(arm.placed(arm.posture)[-1][1, 1]))
     closing = side * ca.vertcat(-ca.sin(turn), ca.cos(turn), 0)
-    wanted = [down] if any_turn else [down, closing, ca.cross(closing, down)]
+    wanted = [ahead] if any_turn else [ahead, closing, ca.cross(closing, ahead)]
     axes = [pads[:3, 2], pads[:3, 1], pads[:3, 0]][: len(wanted)]
     turned = sum(ca.cross(axis, aim) for axis, aim in zip(axes, wanted, strict=True))
     residual = ca.vertcat(pads[:3, 3] - place, turned[:2] if any_turn else turned / 2)
     facing = ca.vertcat(*(ca.dot(axis, aim) for axis, aim in zip(axes, wanted, strict=True)))
     outputs = [residual, ca.jacobian(residual, q), facing]
-    return ca.Function("pose", [q, place, turn], list(map(ca.densify, outputs)))
+    return ca.Function("pose", [q, place, turn, angle], list(map(ca.densify, outputs)))
 
 
 def _starts(space: SpatialScene, place: Array, seed: Array) -> Iterator[Array]:
