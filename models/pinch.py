@@ -47,7 +47,9 @@ def pinch_use(contact: Contact, force: Array, torque: Array, normal_force: float
     pads = contact.faces * normal_force
 
     def planar(forces: Array, torsion: Array) -> Array:
-        return np.asarray(np.sqrt(contact.utilisation_squared(*forces, torsion, normal_force)))
+        return np.asarray(
+            np.sqrt(contact.utilisation_squared(forces[0], forces[1], torsion, normal_force))
+        )
 
     tilting = np.hypot(torque[0], torque[1]) / (contact.patch_radius * pads)
     lifting, friction = np.abs(force[2]) / pads, planar(force[:2], torque[2])

@@ -1,5 +1,7 @@
-"""Many picks and bins as one motion in the least time: throws, their order, what joins them."""
+"""Many picks and bins as one motion in the least time: throws, their order, what joins them; joints
+of hand poses."""
 
 from .cycle import Cycle, Step
 from .files import CYCLE_FILES, gripper_commands, read_cycle, save_cycle
+from .inverse_kinematics import inverse_kinematics
 from .planning import plan_cycle
