@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array
-from ...models.robot import Arm
+from ...models.robot import Arm, SpatialArm
 from ...problems import InputError, check_arguments
 from ..clearance import SpatialScene
 from ..throw import Samples
@@ -162,3 +162,12 @@ def _trouble(space: SpatialScene, q: Array, held: bool) -> str:
     # Two instants at rest: the core measures between instants.
     still = Samples(*(np.array([rows, rows]) for rows in (q, 0 * q, 0 * q)))
     return motion_verdict(space, still, held=held).words
+
+
+def joint_rates(arm: Arm, q: Array, velocity: Array) -> Array:
+    """Least joint rates (joints,) [rad/s] that move the pads at a velocity (3,) [m/s], unturned."""
+    motion = SpatialArm(arm)
+    unit, still = np.eye(arm.joints), np.zeros((arm.joints, arm.joints))
+    pads = motion.pads(np.tile(q, (arm.joints, 1)), unit, still)
+    rows = np.vstack([pads.velocity.T, pads.omega.T])
+    return np.asarray(np.linalg.pinv(rows) @ np.append(velocity, np.zeros(3)))
