@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array
-from ...models.robot import Arm, SpatialArm
+from ...models.robot import Arm
 from ...problems import InputError, check_arguments
 from ..clearance import SpatialScene
 from ..throw import Samples
@@ -102,13 +102,11 @@ class _Reach:
         low, high = np.array(limits.position_min), np.array(limits.position_max)
         inset = np.minimum(self.margin, (high - low) / 2)
         low, high = low + inset, high - inset
-        function, given = (
-            _residual(self.arm, self.turn is None),
-            [self.place, self.turn or 0.0, self.angle],
-        )
+        function, turn = _residual(self.arm, self.turn is None), self.turn or 0.0
         q = np.clip(start, low, high)
         for _ in range(STEPS):
-            residual, slope, facing = (np.array(part) for part in function(q, *given))
+            found = function(q, self.place, turn, self.angle)
+            residual, slope, facing = (np.array(part) for part in found)
             off = residual.ravel()
             if np.abs(off).max() < CLOSE:
                 # The residual is also zero with axes reversed.
@@ -133,7 +131,9 @@ def _residual(arm: Arm, any_turn: bool) -> ca.Function:
     closing = side * ca.vertcat(-ca.sin(turn), ca.cos(turn), 0)
     wanted = [ahead] if any_turn else [ahead, closing, ca.cross(closing, ahead)]
     axes = [pads[:3, 2], pads[:3, 1], pads[:3, 0]][: len(wanted)]
-    turned = sum(ca.cross(axis, aim) for axis, aim in zip(axes, wanted, strict=True))
+    turned = ca.SX.zeros(3)
+    for axis, aim in zip(axes, wanted, strict=True):
+        turned += ca.cross(axis, aim)
     residual = ca.vertcat(pads[:3, 3] - place, turned[:2] if any_turn else turned / 2)
     facing = ca.vertcat(*(ca.dot(axis, aim) for axis, aim in zip(axes, wanted, strict=True)))
     outputs = [residual, ca.jacobian(residual, q), facing]
@@ -164,10 +164,9 @@ def _trouble(space: SpatialScene, q: Array, held: bool) -> str:
     return motion_verdict(space, still, held=held).words
 
 
-def joint_rates(arm: Arm, q: Array, velocity: Array) -> Array:
+def joint_rates(space: SpatialScene, q: Array, velocity: Array) -> Array:
     """Least joint rates (joints,) [rad/s] that move the pads at a velocity (3,) [m/s], unturned."""
-    motion = SpatialArm(arm)
-    unit, still = np.eye(arm.joints), np.zeros((arm.joints, arm.joints))
-    pads = motion.pads(np.tile(q, (arm.joints, 1)), unit, still)
+    unit = np.eye(len(q))
+    pads = space.spatial.pads(np.tile(q, (len(q), 1)), unit, 0.0 * unit)
     rows = np.vstack([pads.velocity.T, pads.omega.T])
     return np.asarray(np.linalg.pinv(rows) @ np.append(velocity, np.zeros(3)))

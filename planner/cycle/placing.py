@@ -8,10 +8,12 @@ way down.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -30,14 +32,17 @@ from ..throw import (
 )
 from ..verdict import Code, Finding, first_finding, grip_use
 from .cycle import UnsolvedError
-from .edges import at_rest, joined
+from .edges import CycleThrow, Edge, Option, at_rest, joined
 from .inverse_kinematics import DOWN, inverse_kinematics, joint_rates
 from .network import Network
 
 #: Height [m] above the place from where the hand goes straight down, and to where it rises.
 LIFT = 0.1
-#: Vertical speeds [m/s] at that height, of which the fastest motion is taken.
-SPEEDS = (0.1, 0.25, 0.5, 0.8)
+#: Distances [m] aside of the point at that height that the hand passes: at most so far it cuts the
+#: corner. The fastest motion is taken.
+CORNERS = (0.02, 0.04)
+#: Share of the speed there from which a joint could just come to rest at the place.
+PASSING = 0.7
 #: Most motions that are judged to find one slow enough, and to quicken it again.
 SLOWINGS, QUICKENINGS = 30, 3
 #: Share of a limit that a slowed motion is to use, and bounds of a slowing's factor.
@@ -113,25 +118,33 @@ def place_jobs(jobs: Jobs) -> Placing:
 @dataclass(frozen=True, eq=False)
 class _Place:
     """An object laid down in a bin. pick: its number; bin: name; above, down: joints (joints,) at
-    the height of `LIFT`, and at the place; rates (joints,) [rad/s]: for 1 m/s upwards, above."""
+    the height of `LIFT`, and at the place."""
 
     pick: int
     bin: str
     space: SpatialScene
     above: Array
     down: Array
-    rates: Array
 
-    def passing(self, speed: float) -> State:
-        """The state above the place at a vertical speed [m/s]."""
-        return State(self.above, speed * self.rates, 0.0 * self.rates)
-
-    @property
-    def speeds(self) -> list[float]:
-        """Vertical speeds [m/s] above the place that the joints allow; 0: a stop."""
-        limits = np.array(self.space.kinematics.arm.limits.velocity)
-        most = AIM / float((np.abs(self.rates) / limits).max())
-        return [0.0, *(speed for speed in SPEEDS if speed < most)]
+    def corners(self, far: Array) -> Iterator[State]:
+        """States in which the hand passes above the bin on its way down from joints `far`
+        (joints,): joints that go on move, those that turn round rest."""
+        yield at_rest(self.above)
+        limits, rows = self.space.kinematics.arm.limits, np.array([far, self.above])
+        start, end = self.space.spatial.frames(rows)[-1, :, :3, 3]
+        way = (start - end) * [1.0, 1.0, 0.0]
+        length = float(np.linalg.norm(way))
+        for corner in CORNERS:
+            if corner > length / 2:
+                return
+            q = self.above + corner * joint_rates(self.space, self.above, way / length)
+            left = self.down - q
+            goes_on = left * (q - far) > 0.0
+            speeds = np.minimum(
+                np.sqrt(2 * np.array(limits.acceleration) * np.abs(left)), limits.velocity
+            )
+            dq = np.where(goes_on, PASSING * np.copysign(speeds, left), 0.0)
+            yield State(q, dq, 0.0 * q)
 
 
 def _place(jobs: Jobs, number: int, pick: Pick, one: Bin) -> _Place:
@@ -159,8 +172,7 @@ def _place(jobs: Jobs, number: int, pick: Pick, one: Bin) -> _Place:
         joints.append(inverse_kinematics(space, at, turn, seed, angle=angle, held=True))
         seed = joints[-1].tolist()
     down, above = joints
-    rates = joint_rates(space.kinematics.arm, above, np.array([0.0, 0.0, 1.0]))
-    return _Place(number, one.name, space, above, down, rates)
+    return _Place(number, one.name, space, above, down)
 
 
 # Motions, slowed as far as the verdict demands.
@@ -220,6 +232,9 @@ def slowed_transfer(space: SpatialScene, start: State, goal: State, *, held: boo
         if broken.code is Code.CARRY:
             grip = grip_use(space, found.samples)
             worst = int(grip.use.argmax())
+            rest = Samples(found.samples.q, *np.zeros((2, *found.samples.q.shape)))
+            if grip_use(space, rest).use.max() > 1.0:
+                break
             tilts = bool(grip.tilting[worst] + grip.lifting[worst] > grip.friction[worst])
         smaller = shares.smaller(broken, tilts)
         if smaller is None:
@@ -249,24 +264,23 @@ def _quickened(
     return found
 
 
-class _Way:
+class _Way(Edge):
     """The fastest motion in two parts, judged when it is needed.
 
-    ways: of each vertical speed above the bin, the states at the ends of the parts.
+    ways: of each state above the bin, the states at the ends of the parts.
     """
 
     def __init__(
         self, place: _Place, ways: Sequence[tuple[State, State, State]], *, held: bool
     ) -> None:
-        self._place, self._ways, self._held = place, ways, held
-        self._is_judged, self.trouble = False, ""
-        self.samples = NO_SAMPLES
-        self.time = min((self._least(way) for way in ways), default=math.inf)
+        self._place, self._held, self._is_judged, self.trouble = place, held, False, ""
+        self._ways = sorted(ways, key=self._least)
+        self._best: Option | None = Option(self._least(self._ways[0]), lambda: NO_SAMPLES)
 
     @property
-    def best(self) -> _Way | None:
-        """Itself; None if there is no motion."""
-        return self if math.isfinite(self.time) else None
+    def best(self) -> Option | None:
+        """The motion; before it is judged, its time by the limits of the joints only."""
+        return self._best
 
     def _least(self, way: tuple[State, State, State]) -> float:
         """Time [s] by the limits of the joints only."""
@@ -279,8 +293,8 @@ class _Way:
         """Judge, if that is not done; returns whether the time stays."""
         if self._is_judged:
             return True
-        before, self.time, self._is_judged = self.time, math.inf, True
-        for way in sorted(self._ways, key=self._least):
+        before, self._best, self._is_judged = self.time, None, True
+        for way in self._ways:
             if self._least(way) >= self.time:
                 break
             try:
@@ -292,8 +306,9 @@ class _Way:
                 self.trouble = self.trouble or str(error)
                 continue
             samples = joined(parts)
-            if TICK * (len(samples.q) - 1) < self.time:
-                self.samples, self.time = samples, TICK * (len(samples.q) - 1)
+            time = TICK * (len(samples.q) - 1)
+            if time < self.time:
+                self._best = Option(time, functools.partial(lambda known: known, samples))
         return self.time == before
 
 
@@ -301,35 +316,46 @@ class _PlacingNetwork(Network):
     """Motions between all picks and places."""
 
     def __init__(self, jobs: Jobs, places: Sequence[_Place]) -> None:
-        super().__init__(jobs, places)
+        # Of throws it reads the pick and the scene only, besides what is defined here.
+        super().__init__(jobs, cast(Sequence[CycleThrow], places))
         self.places = places
 
-    def enter(self, pick: int, throw: int, *, stop: bool = False) -> _Way:
+    def enter(self, pick: int, throw: int, *, stop: bool = False) -> Edge:
         """From a pick down to a place."""
         place, start = self.places[throw], self.picks[pick]
-        end = at_rest(place.down)
-        ways = [(start, place.passing(-speed), end) for speed in place.speeds]
-        return self._edge(("enter", pick, throw), lambda: _Way(place, ways, held=True))
 
-    def leave(self, throw: int, goal: int, *, stop: bool = False) -> _Way:
+        def make() -> _Way:
+            down = at_rest(place.down)
+            ways = [(start, corner, down) for corner in place.corners(start.q)]
+            return _Way(place, ways, held=True)
+
+        return self._edge(("enter", pick, throw), make)
+
+    def leave(self, throw: int, goal: int, *, stop: bool = False) -> Edge:
         """From a place up, and to a pick, or to home for -1."""
         place, end = self.places[throw], self.end(goal)
-        start = at_rest(place.down)
-        ways = [(start, place.passing(speed), end) for speed in place.speeds]
-        return self._edge(("leave", throw, goal), lambda: _Way(place, ways, held=False))
+
+        def make() -> _Way:
+            # Downwards, backwards.
+            corners = (State(each.q, -each.dq, each.ddq) for each in place.corners(end.q))
+            ways = [(at_rest(place.down), corner, end) for corner in corners]
+            return _Way(place, ways, held=False)
+
+        return self._edge(("leave", throw, goal), make)
 
 
 def _sequence(
     network: _PlacingNetwork, order: Sequence[int], chosen: Sequence[int], refused: dict[str, str]
 ) -> Placing:
     """All motions one after another."""
-    edges = network.edges(order, chosen)
-    parts = [edges.pop(0).samples] if len(edges) % 2 else []
-    tick, steps, carried = sum(len(part.q) - 1 for part in parts), [], []
+    ways = [edge.best.samples for edge in network.edges(order, chosen) if edge.best is not None]
+    parts = [ways.pop(0)] if len(ways) % 2 else []
+    tick = sum(len(part.q) - 1 for part in parts)
+    steps, carried = list[tuple[str, str]](), list[tuple[int, int]]()
     for n, (number, place) in enumerate(zip(order, chosen, strict=True)):
         pick, one = network.jobs.picks[number], network.places[place]
         opening = one.space.scene.gripper.profile().opening
-        down, up = edges[2 * n].samples, edges[2 * n + 1].samples
+        down, up = ways[2 * n], ways[2 * n + 1]
         grasp = _still(down.q[0], pick.grasp_time)
         waits = grasp, _still(up.q[0], opening)
         parts += [waits[0], down, waits[1], up]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -91,17 +92,22 @@ def test_the_object_is_where_its_bin_is(jobs: Jobs, placed: Placing) -> None:
 
 
 def test_nothing_stops_above_the_bin(jobs: Jobs, placed: Placing) -> None:
-    """The hand moves from the pick to the place, and from there to the next pick."""
-    ends = [begin for begin, _ in placed.carried[1:]] + [len(placed.samples.q)]
+    """The hand moves from the pick to the place and on to the next pick, down into the bin."""
+    space = space_of(jobs, 0, "near")
+    ends = [begin - 300 for begin, _ in placed.carried[1:]] + [len(placed.samples.q) - 1]
     for (begin, end), after in zip(placed.carried, ends, strict=True):
-        for first, last in ((begin, end), (end + 50, after - 300)):
+        for first, last in ((begin, end), (end + 50, after)):
             moving = np.abs(placed.samples.dq[first + 20 : last - 20]).max(axis=1)
             assert moving.min() > 0.01
-        # Not much slower than Ruckig from rest to rest, straight and without any other limit.
-        space = space_of(jobs, 0, "near")
-        states = (State(placed.samples.q[k], np.zeros(7), np.zeros(7)) for k in (begin, end))
-        direct = transfer(joint_limits(space.kinematics.arm, range(1, 8)), *states)
-        assert direct.ticks <= end - begin < 2.5 * direct.ticks
+            # Not much slower than the fastest motion by the joints' limits that avoids nothing.
+            states = (State(placed.samples.q[k], np.zeros(7), np.zeros(7)) for k in (first, last))
+            direct = transfer(joint_limits(space.kinematics.arm, range(1, 8)), *states)
+            assert direct.ticks < last - first < 1.6 * direct.ticks
+        # In the bin it is hardly aside of the place.
+        for k in range(end - 400, end + 400, 10):
+            x, y, z = space.kinematics.arm.placed(placed.samples.q[k])[-1][:3, 3]
+            if z < 0.22 + space.scene.com_offset + 0.05:
+                assert math.hypot(x - 0.45, y - 0.45) < 0.03
 
 
 def test_bins_out_of_reach_are_named(jobs: Jobs, placed: Placing, tmp_path: Path) -> None:
@@ -112,16 +118,15 @@ def test_bins_out_of_reach_are_named(jobs: Jobs, placed: Placing, tmp_path: Path
         found = place_jobs(jobs_of(tmp_path, bins))
         assert math.isnan(found.duration) and not len(found.samples.q)
         assert "\n" not in found.words and found.words.startswith("by placing: not all")
-        with pytest.raises(AssertionError, match=words):
-            raise AssertionError(found.words)
+        assert re.search(words, found.words)
 
 
 def test_an_object_is_laid_down_at_its_angle(tmp_path: Path) -> None:
-    bins = BIN.format(name="tray", x=0.5, y=0.2, more="theta_deg = -30.0")
+    bins = BIN.format(name="tray", x=0.5, y=0.2, more="theta_deg = -60.0")
     jobs = jobs_of(tmp_path, bins, (0.0,))
     found = place_jobs(jobs)
     assert not found.trouble, found.words
-    space, azimuth, angle = space_of(jobs, 0, "tray"), math.atan2(0.2, 0.5), math.radians(-30.0)
+    space, azimuth, angle = space_of(jobs, 0, "tray"), math.atan2(0.2, 0.5), math.radians(-60.0)
     pads = space.kinematics.arm.placed(found.samples.q[found.carried[0][1]])[-1]
     ahead = [math.cos(angle) * math.cos(azimuth), math.cos(angle) * math.sin(azimuth)]
     np.testing.assert_allclose(pads[:3, 2], [*ahead, math.sin(angle)], atol=1e-6)
