@@ -38,16 +38,42 @@ class Bin(Section):
 class Pick(Section):
     """An object that the arm takes: where, how long that takes, and into which bins it may go.
 
+    Where: `joints_deg`, or `x`, `y`, `z` of the pads' centre for a hand that points down.
     Sections [pick.object], [pick.contact] and [pick.grasp] replace keys of the scene's.
     """
 
     name: str = quantity("of the object, for messages")
-    joints: tuple[float, ...] = quantity("degrees, all joints at the grasp", degrees=True)
+    joints: tuple[float, ...] | None = optional(
+        "degrees, all joints at the grasp; or give x, y and z", degrees=True
+    )
+    x: float | None = optional("m, of the pads' centre at the grasp, base frame", unit="m")
+    y: float | None = optional("m", unit="m")
+    z: float | None = optional("m", unit="m")
+    turn: float | None = optional(
+        "degrees, of the hand about the vertical, with x, y and z; 0: the pads' plane is that of a "
+        "throw along x; left out: any",
+        degrees=True,
+    )
     grasp_time: float = quantity(
         "s, at rest there until the object is held", least=0, most=60, default=0.3
     )
     bins: tuple[str, ...] | None = optional("names of the bins that it may go to; left out: any")
     sections: dict[str, Any] = dataclasses.field(default_factory=dict, metadata={})
+
+    @property
+    def place(self) -> tuple[float, float, float] | None:
+        """x, y, z [m] of the hand pose; None for a pick by its joints."""
+        if self.x is None or self.y is None or self.z is None:
+            return None
+        return self.x, self.y, self.z
+
+    def check(self) -> None:
+        """Joints, or a hand pose."""
+        given = [name for name in ("x", "y", "z") if getattr(self, name) is not None]
+        if (self.joints is None) != (len(given) == 3) or (self.joints is not None and given):
+            raise InputError("give 'joints_deg', or all of 'x', 'y' and 'z'")
+        if self.turn is not None and self.joints is not None:
+            raise InputError("turn_deg: only with x, y and z")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -108,7 +134,8 @@ class Jobs(JobKeys):
     def _check_pick(self, pick: Pick, names: list[str]) -> None:
         mistakes = Mistakes()
         with mistakes.kept():
-            _check_joints("joints_deg", pick.joints, self.arm)
+            if pick.joints is not None:
+                _check_joints("joints_deg", pick.joints, self.arm)
         for name in pick.bins or ():
             if name not in names:
                 hint = InputError.hint(name, names)

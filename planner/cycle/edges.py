@@ -22,11 +22,21 @@ from ..throw import (
     joint_limits,
     transfer,
 )
-from ..verdict import Finding, first_finding, flight_findings
+from ..verdict import Finding, first_finding, flight_findings, flight_gaps
 
 #: Shares of the limits on velocity, and on acceleration and jerk, that are tried.
 SHARES = (
-    *((1.0, 1.0), (0.95, 1.0), (0.9, 1.0), (0.8, 1.0), (0.7, 1.0), (1.0, 0.8), (0.9, 0.8)),
+    *(
+        (1.0, 1.0),
+        (0.98, 1.0),
+        (0.95, 1.0),
+        (0.92, 1.0),
+        (0.88, 1.0),
+        (0.8, 1.0),
+        (0.7, 1.0),
+        (1.0, 0.8),
+        (0.9, 0.8),
+    ),
     *((0.8, 0.8), (0.7, 0.6), (1.0, 0.6), (0.6, 0.45), (0.5, 0.3), (0.4, 0.2), (0.3, 0.1)),
 )
 
@@ -70,25 +80,25 @@ class CycleThrow:
     def free(self) -> int:
         """The first sample from which on the throw's brake keeps the hand off the object: from
         there another motion may follow."""
-        first, last = math.ceil(self.throw.detach_time / TICK), len(self.samples.q) - 1
-
-        def touches(k: int) -> bool:
-            rest = Samples(self.samples.q[k:], self.samples.dq[k:], self.samples.ddq[k:])
-            return bool(flight_findings(self.space, self.throw, rest, TICK * k))
-
-        while first < last and touches(first):
-            first = min(first + 5, last)
-        return first
+        first = math.ceil(self.throw.detach_time / TICK)
+        after = Samples(*(rows[first:] for rows in rows_of(self.samples)))
+        gaps = flight_gaps(self.space, self.throw, after, TICK * first)
+        near = np.flatnonzero(gaps < 0.0)
+        free = first if not near.size else first + int(near[-1]) + 1
+        return min(free, len(self.samples.q) - 1)
 
 
 @dataclass(frozen=True, eq=False)
 class Option:
     """A motion that may be taken. duration [s]: with the part of the throw that it determines;
-    make: its samples (N, joints); join: sample of the throw with which they end."""
+    make: its samples (N, joints); join: sample of the throw with which they end; family, speed: of
+    motions that differ in their speed only."""
 
     duration: float
     make: Callable[[], Samples]
     join: int = 0
+    family: tuple[int, ...] = ()
+    speed: float = 1.0
 
     @cached_property
     def samples(self) -> Samples:
@@ -145,9 +155,20 @@ class Edge:
             self._is_judged = broken is None
             if broken is not None:
                 self.trouble = self.trouble or broken.words
-                self._options.pop(0)
+                self._refuse(self._options.pop(0), broken)
                 self._fill()
         return self.time == before
+
+    def _refuse(self, refused: Option, broken: Finding) -> None:
+        """Leave out motions of the same family that are hardly slower.
+
+        Accelerations grow with the square of the speed, so an excess takes its root at least.
+        """
+        if refused.family and broken.value > broken.limit > 0.0:
+            slow = refused.speed * math.sqrt(broken.limit / broken.value)
+            self._options = [
+                o for o in self._options if o.family != refused.family or o.speed <= slow
+            ]
 
 
 def _direct(space: SpatialScene, start: State, goal: State) -> Iterator[Transfer]:

@@ -64,15 +64,21 @@ class _Entrance:
         fastest = transfer(self.aside_limits, start, goal)
         if fastest is None:
             return
-        for swing, speed, end in itertools.product(self._swings(), SPEEDS, ENDS):
+        for (which, swing), speed, (place, end) in itertools.product(
+            enumerate(self._swings()), SPEEDS, enumerate(ENDS)
+        ):
             found = _stretched(swing, speed, round(end * (len(swing.q) - 1)))
             if found is None:
                 continue
             wait = max(fastest.ticks - len(found.q) + 1, 0)
             until = wait + len(found.q) - 1
-            for turn in dict.fromkeys(max(round(t * until), fastest.ticks) for t in TURNS):
+            duration = TICK * (until + self.one.free - self.opens)
+            for number, share in enumerate(TURNS):
+                turn = max(round(share * until), fastest.ticks)
                 make = functools.partial(self._samples, found, wait, turn)
-                yield Option(TICK * (until + self.one.free - self.opens), make, self.opens)
+                yield Option(duration, make, self.opens, (which, place, number), speed)
+                if turn == fastest.ticks:
+                    break
 
     @property
     def _throw(self) -> Samples:

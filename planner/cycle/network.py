@@ -21,7 +21,7 @@ class Network:
 
     def __init__(self, jobs: Jobs, throws: Sequence[CycleThrow]) -> None:
         self.jobs, self.throws = jobs, throws
-        self.picks = [at_rest(pick.joints) for pick in jobs.picks]
+        self.picks = [at_rest(pick.joints or ()) for pick in jobs.picks]
         self.home = None if jobs.home is None else at_rest(jobs.home)
         self._edges: dict[tuple[object, ...], Edge] = {}
 

@@ -9,11 +9,14 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ...problems import InputError, Jobs, Pick, Pose, Scene, check_arguments
+from ...problems.checks import Mistakes, within
+from ..clearance import SpatialScene
 from ..planner import Planner
 from ..result import Plan
-from ..throw import State
+from ..throw import State, make_manipulator
 from .cycle import Cycle, UnsolvedError
 from .edges import CycleThrow, at_rest
+from .inverse_kinematics import inverse_kinematics
 from .network import Network
 from .order import EXACT
 from .sequence import sequence
@@ -41,6 +44,7 @@ def plan_cycle(
     if not patience > 0:
         raise InputError(f"patience = {patience:g}: must be above 0")
     say = progress or (lambda words: None)
+    jobs = _with_joints(jobs)
     throws = _Throws(jobs, patience, say)
     planned = time.perf_counter() - started
     if throws.trouble:
@@ -61,6 +65,31 @@ def plan_cycle(
     searched = "exact" if len(jobs.picks) <= EXACT else "insertion"
     known = jobs.order if jobs.order == "given" else searched
     return dataclasses.replace(cycle, stops=stops, time=spent, order=known)
+
+
+def _with_joints(jobs: Jobs) -> Jobs:
+    """The jobs with all joints of each pick; InputError for a hand pose that the arm cannot take.
+
+    Of the solutions of a hand pose the one next to the pick before is taken.
+    """
+    if all(pick.joints is not None for pick in jobs.picks):
+        return jobs
+    arm, picks, mistakes = jobs.arm, list[Pick](), Mistakes()
+    middle = (np.array(arm.limits.position_min) + np.array(arm.limits.position_max)) / 2
+    seed, throwing = np.array(arm.posture), np.array(arm.throwing_joints) - 1
+    seed[throwing] = middle[throwing]
+    for number, pick in enumerate(jobs.picks, start=1):
+        with mistakes.kept(), within(f"{jobs.name}: pick {number}"):
+            if pick.joints is not None:
+                seed = np.array(pick.joints)
+            elif pick.place is not None:
+                scene = jobs.scene_of(pick, jobs.bins_of(pick)[0])
+                space = SpatialScene(scene, make_manipulator(scene))
+                seed = inverse_kinematics(space, pick.place, pick.turn, seed.tolist(), held=True)
+            cleared = {"x": None, "y": None, "z": None, "turn": None}
+            picks.append(dataclasses.replace(pick, joints=tuple(seed.tolist()), **cleared))
+    mistakes.refuse()
+    return dataclasses.replace(jobs, picks=tuple(picks))
 
 
 class _Throws:
@@ -129,7 +158,7 @@ class _Throws:
 
 def _start(pick: Pick, scene: Scene) -> State:
     """The throwing joints at rest at a pick."""
-    assert scene.arm is not None
+    assert scene.arm is not None and pick.joints is not None
     return at_rest([pick.joints[joint - 1] for joint in scene.arm.throwing_joints])
 
 
@@ -138,7 +167,7 @@ def _nearest(pick: Pick, scenes: Mapping[str, Scene]) -> list[str]:
 
     def turn(name: str) -> float:
         arm, target = scenes[name].arm, scenes[name].target
-        assert arm is not None and target is not None
+        assert arm is not None and target is not None and pick.joints is not None
         angle = arm.azimuth_angle(target.plane.azimuth)
         return abs(angle - pick.joints[arm.azimuth_joint - 1])
 

@@ -142,28 +142,37 @@ def _collisions(motion: _Motion) -> Iterator[Finding]:
     yield from map(collision, space.around.clearances(track))
 
 
+def flight_gaps(space: SpatialScene, throw: Throw, samples: Samples, begins: float) -> Array:
+    """Least distance (N,) [m] of the arm and the object that flies, at samples from `begins` [s] on
+    the throw's clock until the landing; infinite for an arm without a shape.
+
+    samples: of all joints (N, joints); after their end the arm rests.
+    """
+    times = np.arange(begins, throw.landing_time, TICK)
+    gaps = np.full(times.size, np.inf)
+    if space.manipulator.capsules is None or not times.size:
+        return gaps
+    com = throw.flight(times - throw.detach_time)
+    plane, ends = throw.target.plane, bar_ends(throw.scene.object, com)[0]
+    placed = [plane.points(end[0], end[2]) for end in ends]
+    q = samples.q[np.minimum(np.arange(times.size), len(samples.q) - 1)]
+    bodies = space.bodies(q, times)
+    radius = throw.scene.object.width / np.sqrt(2)
+    for links, own in zip(bodies.ends, bodies.radius, strict=True):
+        gap = segment_distance(links[0].T, links[1].T, *placed) - own - radius
+        np.minimum(gaps, gap, out=gaps)
+    return gaps
+
+
 def flight_findings(
     space: SpatialScene, throw: Throw, samples: Samples, begins: float
 ) -> tuple[Finding, ...]:
-    """Whether the arm touches the object that flies, from `begins` [s] on the throw's clock until
-    the landing.
+    """Whether the arm touches the object that flies; arguments as of `flight_gaps`.
 
-    samples: of all joints from then on; after their end the arm rests. Before, `verdict` of the
-    throw measures the distance of hand and object.
+    Before, `verdict` of the throw measures the distance of hand and object.
     """
-    capsules = space.manipulator.capsules
-    times = np.arange(begins, throw.landing_time, TICK)
-    if capsules is None or not times.size:
+    gaps = flight_gaps(space, throw, samples, begins)
+    if not gaps.size or gaps.min() >= -NEAR:
         return ()
-    q = samples.q[np.minimum(np.arange(times.size), len(samples.q) - 1)]
-    com = throw.flight(times - throw.detach_time)
-    plane, ends = throw.target.plane, bar_ends(throw.scene.object, com)[0]
-    placed = np.array([plane.points(end[0], end[2]) for end in ends])
-    bodies = space.bodies(q, times)
-    radius = throw.scene.object.width / np.sqrt(2)
-    for name, links, own in zip(bodies.names, bodies.ends, bodies.radius, strict=True):
-        gap = segment_distance(links[0].T, links[1].T, placed[0], placed[1]) - own - radius
-        if gap.min() < -NEAR:
-            when = float(times[gap.argmin()])
-            return (Finding(Code.COLLISION, float(gap.min()), 0.0, when, FLYING, name),)
-    return ()
+    when = begins + TICK * int(gaps.argmin())
+    return (Finding(Code.COLLISION, float(gaps.min()), 0.0, when, FLYING, "arm"),)
