@@ -100,8 +100,9 @@ def _step(entry: dict[str, Any], arm: dict[str, Any]) -> Step:
     moments = [int(k) for k in entry["samples"]]
     if len(moments) != len(MOMENTS) or scene.robot is None or scene.target is None:
         raise ValueError("samples")
-    names = str(entry["pick"]), str(entry["bin"])
-    return Step(*names, scene, *moments, float(entry["opening_time"]))
+    reach, held, join, free = moments
+    names, opening = (str(entry["pick"]), str(entry["bin"])), float(entry["opening_time"])
+    return Step(*names, scene, reach, held, join, free, opening)
 
 
 def _samples(path: Path, joints: int) -> Samples:

@@ -13,12 +13,13 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from ...models import Array, ReadOnly
 from ...problems import Bin, InputError, Jobs, Pick, check_arguments
+from ...problems.files import plain
 from ..clearance import SpatialScene
 from ..throw import (
     NO_SAMPLES,
@@ -35,6 +36,7 @@ from .cycle import UnsolvedError
 from .edges import CycleThrow, Edge, Option, at_rest, joined
 from .inverse_kinematics import DOWN, inverse_kinematics, joint_rates
 from .network import Network
+from .planning import with_joints
 
 #: Height [m] above the place from where the hand goes straight down, and to where it rises.
 LIFT = 0.1
@@ -74,9 +76,15 @@ class Placing(ReadOnly):
         """The result as one line for people."""
         if self.trouble:
             return f"by placing: not all, {self.trouble}"
-        return (
-            f"by placing: {self.duration:.2f} s, {self.duration / len(self.steps):.2f} s an object"
-        )
+        left_out = "".join(f"; not into {name}: {why}" for name, why in self.refused.items())
+        each = self.duration / len(self.steps)
+        return f"by placing: {self.duration:.2f} s, {each:.2f} s an object{left_out}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON: SI units; the duration is null where not all can be done."""
+        entries = {"duration": self.duration, "message": self.words, "refused": self.refused}
+        table: dict[str, Any] = plain(entries)
+        return table
 
 
 @check_arguments
@@ -85,8 +93,9 @@ def place_jobs(jobs: Jobs) -> Placing:
 
     The object's CoM comes to rest at the target's place (of a region its middle), at its angle;
     where the angle is open the hand points down. A bin that moves, or that the arm does not reach,
-    is in `refused`.
+    is in `refused`. InputError for a hand pose of a pick that the arm cannot take.
     """
+    jobs = with_joints(jobs)
     places, refused = list[_Place](), dict[str, str]()
     tried = list[tuple[str, object]]()
     for number, pick in enumerate(jobs.picks):
@@ -166,6 +175,7 @@ def _place(jobs: Jobs, number: int, pick: Pick, one: Bin) -> _Place:
     # About the vertical a bar in line with the hand is the same at any turn.
     upright = abs(angle - DOWN) < 1e-9 and grasp == 0.0
     turn, angle = (None, DOWN) if upright else (plane.azimuth, angle)
+    assert pick.joints is not None  # by `with_joints`
     joints, seed = list[Array](), list(pick.joints)
     for height in (z, z + LIFT):
         at = plane.points(x, height).tolist()

@@ -44,7 +44,7 @@ def plan_cycle(
     if not patience > 0:
         raise InputError(f"patience = {patience:g}: must be above 0")
     say = progress or (lambda words: None)
-    jobs = _with_joints(jobs)
+    jobs = with_joints(jobs)
     throws = _Throws(jobs, patience, say)
     planned = time.perf_counter() - started
     if throws.trouble:
@@ -67,7 +67,7 @@ def plan_cycle(
     return dataclasses.replace(cycle, stops=stops, time=spent, order=known)
 
 
-def _with_joints(jobs: Jobs) -> Jobs:
+def with_joints(jobs: Jobs) -> Jobs:
     """The jobs with all joints of each pick; InputError for a hand pose that the arm cannot take.
 
     Of the solutions of a hand pose the one next to the pick before is taken.
