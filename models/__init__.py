@@ -25,5 +25,6 @@ from .body import (
     read_only,
     sticking_state,
 )
+from .pinch import PinchUse, pinch_use
 from .surface import SHAPES, SurfaceShape
 from .trajectory import MovedHand, Trajectory, low_pass

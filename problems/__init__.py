@@ -2,13 +2,15 @@
 
 This package reads all files of users and refuses each mistake with one line (`InputError`). Scenes
 are frozen dataclasses in SI units and radians; a section that is None adds nothing. `files` reads
-and writes, `throws` has measured throws, `urdf` makes arms from robots' files.
+and writes, `throws` has measured throws, `job_files` picks and bins, `urdf` makes arms from robots'
+files.
 """
 
 from .arms import GripperData, load_arm
 from .calibration import Calibration, check_level, rank_of
 from .checks import InputError, ThrowplanError, check_arguments, checked
 from .grip import Grasp, Gripper, OutlinePart, PadContact, ThrownObject
+from .job_files import Bin, Jobs, Pick, jobs_names, load_jobs
 from .manipulators import Hand, Motion, Robot, Torque
 from .poses import MANY_TURNS, Pose, Region, ThrowPlane
 from .scene import Mesh, Scene

@@ -1,4 +1,4 @@
-"""Arms as data; planar kinematics, torques, and shapes for collisions."""
+"""Arms as data; kinematics and torques in the plane and in space, and shapes for collisions."""
 
 from .arm import (
     Arm,
@@ -13,4 +13,5 @@ from .arm import (
     placement,
 )
 from .capsules import ArmCapsules, Solid, about_z, segment_distance
+from .in_space import PadMotion, SpatialArm
 from .kinematics import PlanarArm, PlanarDynamics, PlanarHand, flange_velocity, hand_motion

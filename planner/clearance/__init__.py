@@ -13,6 +13,7 @@ from .bodies import (
     contacts,
     overlap,
 )
+from .in_space import SpatialScene
 from .outlines import (
     bar_ends,
     bar_outline,

@@ -19,7 +19,7 @@ from ... import __version__
 from ...core import CoreError
 from ...interrupts import INTERRUPTS, leave
 from ...problems import InputError
-from . import import_object, import_robot, measured, robots, saved_plans, scenes
+from . import cycles, import_object, import_robot, measured, robots, saved_plans, scenes
 from .common import DONE, WRONG_INPUT, Parser, Progress
 
 #: The functions of each command, in the order of the help.
@@ -30,6 +30,7 @@ COMMANDS = {
     "map": (scenes.map_arguments, scenes.map_landings),
     "prepare": (scenes.prepare_arguments, scenes.prepare),
     "sweep": (scenes.sweep_arguments, scenes.sweep),
+    "cycle": (cycles.cycle_arguments, cycles.cycle),
     "view": (saved_plans.view_arguments, saved_plans.view),
     "play": (saved_plans.play_arguments, saved_plans.play),
     "replay": (saved_plans.replay_arguments, saved_plans.replay),

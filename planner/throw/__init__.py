@@ -27,3 +27,4 @@ from .throw import (
     cup_radius,
     release_numbers,
 )
+from .transfers import Transfer, arm_excesses, gentle_transfer, transfer

@@ -129,11 +129,16 @@ KINDS = ("position", "velocity", "acceleration", "velocity", "jerk")
 
 def excesses(manipulator: Manipulator, sent: Samples) -> list[Excess]:
     """The largest excess of samples and their differences over the real limits, of each kind."""
+    return joint_excesses(manipulator.hard, manipulator.joints, sent)
+
+
+def joint_excesses(limits: Limits, names: tuple[str, ...], sent: Samples) -> list[Excess]:
+    """`excesses` of coordinates with these limits and names."""
     found = dict[tuple[str, int], Excess]()
-    values = _excess(manipulator.hard, sent)
+    values = _excess(limits, sent)
     for row, joint in zip(*np.nonzero(values[..., 0] > 0.0), strict=True):
         kind, worst = KINDS[row], values[row, joint, 1:].tolist()
-        found.setdefault((kind, joint), Excess(kind, manipulator.joints[joint], *worst))
+        found.setdefault((kind, joint), Excess(kind, names[joint], *worst))
     return list(found.values())
 
 

@@ -36,6 +36,11 @@ class Code(Enum):
         "slip under full grip before the opening",
         "raise [gripper] force or sticking_margin",
     )
+    CARRY = (
+        "carry",
+        "turn or lose the object on the way to the swing",
+        "raise [gripper] force, a larger [contact] patch_radius, a lighter object",
+    )
     JOINT_POSITION = "joint_position", "leave a joint's range", _EASIER_THROW
     JOINT_VELOCITY = "joint_velocity", "exceed a joint's velocity", _EASIER_THROW
     JOINT_ACCELERATION = "joint_acceleration", "exceed a joint's acceleration", _EASIER_THROW
@@ -257,6 +262,9 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     Code.SLIP_BEFORE_OPENING: lambda f: (
         f"slips under full grip before the opening: {100 * f.value:.0f} % of the friction limit"
         f"{_at(f)}"
+    ),
+    Code.CARRY: lambda f: (
+        f"grip on the way, {f.body}: {100 * f.value:.0f} % of what the pads' force holds{_at(f)}"
     ),
     Code.JOINT_POSITION: _joint("position", "rad"),
     Code.JOINT_VELOCITY: _joint("velocity", "rad/s"),

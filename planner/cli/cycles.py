@@ -1,0 +1,48 @@
+"""The command `cycle`."""
+
+from __future__ import annotations
+
+import argparse
+
+from ...problems import load_jobs
+from ..cycle import CYCLE_FILES, place_jobs, plan_cycle, save_cycle
+from .common import (
+    DONE,
+    Add,
+    Progress,
+    add_out,
+    add_patience,
+    fail,
+    prepare_out,
+    print_result,
+    save_out,
+    written,
+)
+
+
+def cycle_arguments(add: Add) -> None:
+    """The options of `cycle`."""
+    add("jobs", metavar="JOBS", help="a shipped job file's name or a TOML file of picks and bins")
+    add_patience(add, "3 s for each throw that is planned")
+    add_out(add, "cycle.json, motion.csv and cycle.png")
+
+
+def cycle(options: argparse.Namespace) -> int:
+    """Plan many picks and bins as one motion in the least time.
+
+    example: throwplan cycle six-parts --out out/cycle
+    """
+    jobs = load_jobs(options.jobs)
+    prepare_out(options, CYCLE_FILES)
+    patience = {} if options.patience is None else {"patience": options.patience}
+    with Progress(jobs.name) as progress:
+        found = plan_cycle(jobs, progress=progress.about, **patience)
+        progress.about(f"{jobs.name}: the same jobs by placing")
+        placing = place_jobs(jobs)
+    save_out(options, jobs.name, lambda folder: save_cycle(found, folder))
+    table = found.to_dict() | {"placing": placing.to_dict()}
+    if not found.solved:
+        print_result(options, table, f"{jobs.name}: not solved")
+        return fail(found.message)
+    print_result(options, table, found.summary() + written(options))
+    return DONE

@@ -1,0 +1,231 @@
+"""Motions between picks and throws, each the fastest that the verdict allows."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...models import Array
+from ..clearance import SpatialScene
+from ..result import Plan, joint_samples, sent_throw
+from ..throw import (
+    TICK,
+    Samples,
+    State,
+    Throw,
+    Transfer,
+    joint_limits,
+    transfer,
+)
+from ..verdict import Finding, first_finding, flight_findings, flight_gaps
+
+#: Shares of the limits on velocity, and on acceleration and jerk, that are tried.
+SHARES = (
+    *(
+        (1.0, 1.0),
+        (0.98, 1.0),
+        (0.95, 1.0),
+        (0.92, 1.0),
+        (0.88, 1.0),
+        (0.8, 1.0),
+        (0.7, 1.0),
+        (1.0, 0.8),
+        (0.9, 0.8),
+    ),
+    *((0.8, 0.8), (0.7, 0.6), (1.0, 0.6), (0.6, 0.45), (0.5, 0.3), (0.4, 0.2), (0.3, 0.1)),
+)
+
+
+def state_at(samples: Samples, k: int) -> State:
+    """The state of a sample."""
+    return State(samples.q[k], samples.dq[k], samples.ddq[k])
+
+
+def at_rest(joints: Array | Sequence[float]) -> State:
+    """Joints (n,) [rad] at rest."""
+    q = np.array(joints, float)
+    return State(q, 0.0 * q, 0.0 * q)
+
+
+@dataclass(frozen=True, eq=False)
+class CycleThrow:
+    """A planned throw that a cycle may use. pick: number of its pick; bin: name of its bin."""
+
+    plan: Plan
+    pick: int
+    bin: str
+
+    @cached_property
+    def throw(self) -> Throw:
+        """The throw."""
+        return sent_throw(self.plan)
+
+    @cached_property
+    def space(self) -> SpatialScene:
+        """Its scene with all joints of the arm."""
+        return SpatialScene(self.throw.scene, self.throw.manipulator)
+
+    @cached_property
+    def samples(self) -> Samples:
+        """All joints (N, joints)."""
+        plane = self.throw.target.plane
+        return Samples(*joint_samples(self.space.kinematics, plane.azimuth, self.throw.samples))
+
+    @cached_property
+    def free(self) -> int:
+        """The first sample from which on the throw's brake keeps the hand off the object: from
+        there another motion may follow."""
+        first = math.ceil(self.throw.detach_time / TICK)
+        after = Samples(*(rows[first:] for rows in rows_of(self.samples)))
+        gaps = flight_gaps(self.space, self.throw, after, TICK * first)
+        near = np.flatnonzero(gaps < 0.0)
+        free = first if not near.size else first + int(near[-1]) + 1
+        return min(free, len(self.samples.q) - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Option:
+    """A motion that may be taken. duration [s]: with the part of the throw that it determines;
+    make: its samples (N, joints); join: sample of the throw with which they end; family, speed: of
+    motions that differ in their speed only."""
+
+    duration: float
+    make: Callable[[], Samples]
+    join: int = 0
+    family: tuple[int, ...] = ()
+    speed: float = 1.0
+
+    @cached_property
+    def samples(self) -> Samples:
+        """Samples (N, joints) of all parts."""
+        return self.make()
+
+
+def joined(parts: list[Samples]) -> Samples:
+    """Samples one after another; the last of each is the first of the next."""
+    rows = ([part.q, part.dq, part.ddq] for part in parts)
+    found = [[v if i == 0 else v[1:] for v in part] for i, part in enumerate(rows)]
+    return Samples(*(np.vstack(values) for values in zip(*found, strict=True)))
+
+
+class Edge:
+    """The fastest allowed motion between two states; judged only when it is needed.
+
+    options: of the direct motions; raised: of motions by a raised pose, tried after them.
+    """
+
+    def __init__(
+        self,
+        options: Iterator[Option],
+        raised: Callable[[], Iterator[Option]],
+        judge: Callable[[Option], Finding | None],
+    ) -> None:
+        self._options = sorted(options, key=lambda option: option.duration)
+        self._raised: Callable[[], Iterator[Option]] | None = raised
+        self._judge, self._is_judged = judge, False
+        #: Why the fastest motion was refused.
+        self.trouble = ""
+        self._fill()
+
+    def _fill(self) -> None:
+        if not self._options and self._raised is not None:
+            self._options = sorted(self._raised(), key=lambda option: option.duration)
+            self._raised = None
+
+    @property
+    def best(self) -> Option | None:
+        """The fastest motion that is not refused so far; None if all are."""
+        return self._options[0] if self._options else None
+
+    @property
+    def time(self) -> float:
+        """Its duration [s]; infinite if all are refused."""
+        return math.inf if self.best is None else self.best.duration
+
+    def settle(self) -> bool:
+        """Judge, until a motion is allowed; returns whether the time stays."""
+        before = self.time
+        while self.best is not None and not self._is_judged:
+            broken = self._judge(self.best)
+            self._is_judged = broken is None
+            if broken is not None:
+                self.trouble = self.trouble or broken.words
+                self._refuse(self._options.pop(0), broken)
+                self._fill()
+        return self.time == before
+
+    def _refuse(self, refused: Option, broken: Finding) -> None:
+        """Leave out motions of the same family that are hardly slower.
+
+        Accelerations grow with the square of the speed, so an excess takes its root at least.
+        """
+        if refused.family and broken.value > broken.limit > 0.0:
+            slow = refused.speed * math.sqrt(broken.limit / broken.value)
+            self._options = [
+                o for o in self._options if o.family != refused.family or o.speed <= slow
+            ]
+
+
+def _direct(space: SpatialScene, start: State, goal: State) -> Iterator[Transfer]:
+    limits = joint_limits(space.kinematics.arm, range(1, space.kinematics.arm.joints + 1))
+    for velocity, acceleration in SHARES:
+        found = transfer(limits, start, goal, velocity, acceleration)
+        if found is not None:
+            yield found
+
+
+def _raised_pose(space: SpatialScene, joints: Array) -> State:
+    """Joints with the shoulder in the middle of its range: the arm upright."""
+    limits, raised = space.kinematics.arm.limits, joints.copy()
+    shoulder = space.kinematics.throwing_joints[0] - 1
+    raised[shoulder] = (limits.position_min[shoulder] + limits.position_max[shoulder]) / 2
+    return at_rest(raised)
+
+
+def by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple[Transfer, ...]]:
+    """Motions by a raised pose, where they stop."""
+    rest = start if not start.dq.any() else goal
+    middle = _raised_pose(space, rest.q)
+    ways = (list(_direct(space, *ends)) for ends in ((start, middle), (middle, goal)))
+    yield from itertools.product(*ways)
+
+
+def option_of(parts: tuple[Transfer, ...], after: int = 0, join: int = 0) -> Option:
+    """Transfers one after another, and the number of samples of the throw that follow."""
+    ticks = sum(part.ticks for part in parts) + after
+    return Option(TICK * ticks, lambda: joined([part.samples for part in parts]), join)
+
+
+def rest_edge(space: SpatialScene, start: State, goal: State, *, held: bool) -> Edge:
+    """From rest to rest."""
+    return Edge(
+        (option_of((found,)) for found in _direct(space, start, goal)),
+        lambda: map(option_of, by_raised(space, start, goal)),
+        lambda found: first_finding(space, found.samples, held=held),
+    )
+
+
+def rows_of(samples: Samples) -> tuple[Array, Array, Array]:
+    """q, dq, ddq."""
+    return samples.q, samples.dq, samples.ddq
+
+
+def leave_edge(one: CycleThrow, goal: State) -> Edge:
+    """From the release, without a stop, to rest at the next pick or at home."""
+    start = state_at(one.samples, one.free)
+
+    def judge(found: Option) -> Finding | None:
+        broken = first_finding(one.space, found.samples, held=False)
+        flown = flight_findings(one.space, one.throw, found.samples, TICK * one.free)
+        return broken or next(iter(flown), None)
+
+    return Edge(
+        (option_of((found,)) for found in _direct(one.space, start, goal)),
+        lambda: map(option_of, by_raised(one.space, start, goal)),
+        judge,
+    )

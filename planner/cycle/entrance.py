@@ -1,0 +1,167 @@
+"""From rest at a pick, with the object, into the swing of a throw, all joints at once.
+
+The throwing joints join the swing, which starts in the pick's own pose, as early as the grip
+allows: jerks at their limits start faster than the swing's polynomials. The other joints turn into
+the throw's plane meanwhile, gently, for a pinch holds little against tilting, and at the latest
+when the pads may open. Where both together are too fast for the tool or the grip, the first part of
+the swing is stretched in time.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...models import Indices
+from ..throw import TICK, Samples, State, Transfer, gentle_transfer, joint_limits, transfer
+from ..verdict import first_finding
+from .edges import CycleThrow, Edge, Option, by_raised, option_of, rows_of, state_at
+
+#: Shares of the time until the pads may open at which the throwing joints may join the swing.
+JOINS = (0.0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7)
+#: Shares of the limits on velocity, and on acceleration and jerk, until then.
+SHARES = ((1.0, 1.0), (0.85, 1.0), (0.85, 0.7), (0.7, 0.5))
+#: Speeds of the stretched part as shares of the swing's, shares of the time until the pads may open
+#: at which it ends, and time [samples] in which the speed rises to the swing's.
+SPEEDS = (1.0, 0.97, 0.94, 0.91, 0.88, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.35)
+ENDS = (0.6, 0.8, 0.95)
+RISE = 150
+#: Shares of the time until the pads may open in which the other joints turn.
+TURNS = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
+
+
+def enter_edge(one: CycleThrow, pick: State) -> Edge:
+    """From rest at a pick into a throw; its time is until the hand may leave the throw's plane."""
+    entrance = _Entrance(one, pick)
+    return Edge(
+        entrance.options(),
+        entrance.raised,
+        lambda found: first_finding(one.space, found.samples, held=True),
+    )
+
+
+class _Entrance:
+    """The motions from one pick into one throw."""
+
+    def __init__(self, one: CycleThrow, pick: State) -> None:
+        self.one, self.pick = one, pick
+        arm = one.space.kinematics.arm
+        self.throwing = np.array(one.space.kinematics.throwing_joints) - 1
+        self.aside = np.setdiff1d(np.arange(arm.joints), self.throwing)
+        self.limits = joint_limits(arm, (self.throwing + 1).tolist())
+        self.aside_limits = joint_limits(arm, (self.aside + 1).tolist())
+        #: Last sample of the throw at which the pads are closed.
+        self.opens = math.floor(one.throw.opening_time / TICK)
+        self._turned: dict[int, Transfer | None] = {}
+
+    def options(self) -> Iterator[Option]:
+        """Motions with all joints at once."""
+        start, goal = (_of(state, self.aside) for state in (self.pick, state_at(self._throw, 0)))
+        fastest = transfer(self.aside_limits, start, goal)
+        if fastest is None:
+            return
+        for (which, swing), speed, (place, end) in itertools.product(
+            enumerate(self._swings()), SPEEDS, enumerate(ENDS)
+        ):
+            found = _stretched(swing, speed, round(end * (len(swing.q) - 1)))
+            if found is None:
+                continue
+            wait = max(fastest.ticks - len(found.q) + 1, 0)
+            until = wait + len(found.q) - 1
+            duration = TICK * (until + self.one.free - self.opens)
+            for number, share in enumerate(TURNS):
+                turn = max(round(share * until), fastest.ticks)
+                make = functools.partial(self._samples, found, wait, turn)
+                yield Option(duration, make, self.opens, (which, place, number), speed)
+                if turn == fastest.ticks:
+                    break
+
+    @property
+    def _throw(self) -> Samples:
+        return self.one.samples
+
+    def _swings(self) -> list[Samples]:
+        """The swing from its start, and the fastest that joins it later; throwing joints only.
+
+        Until the last sample at which the pads are closed.
+        """
+        throw, start, found = self._throw, _of(self.pick, self.throwing), list[Samples]()
+        for share, (velocity, acceleration) in itertools.product(JOINS, SHARES):
+            k = round(share * self.opens)
+            joining = transfer(
+                self.limits, start, _of(state_at(throw, k), self.throwing), velocity, acceleration
+            )
+            if joining is not None:
+                rest = (v[k + 1 : self.opens + 1, self.throwing] for v in rows_of(throw))
+                parts = zip(rows_of(joining.samples), rest, strict=True)
+                found.append(Samples(*(np.vstack(pair) for pair in parts)))
+        whole = found[0]
+        for swing in sorted(found, key=lambda swing: len(swing.q)):
+            if len(swing.q) >= len(whole.q):
+                break
+            if self._holds(swing):
+                return [swing, whole]
+        return [whole]
+
+    def _holds(self, swing: Samples) -> bool:
+        """Whether a swing in the throw's plane is allowed."""
+        rows = np.zeros((3, len(swing.q), len(self.pick.q)))
+        rows[0] = self._throw.q[0]
+        for row, values in zip(rows, rows_of(swing), strict=True):
+            row[:, self.throwing] = values
+        return first_finding(self.one.space, Samples(*rows), held=True) is None
+
+    def _samples(self, swing: Samples, wait: int, turn: int) -> Samples:
+        """All joints: the throwing ones wait and swing, the others turn in `turn` samples."""
+        if turn not in self._turned:
+            ends = (_of(state, self.aside) for state in (self.pick, state_at(self._throw, 0)))
+            self._turned[turn] = gentle_transfer(self.aside_limits, *ends, turn)
+        turned = self._turned[turn]
+        assert turned is not None
+        rows = np.zeros((3, wait + len(swing.q), len(self.pick.q)))
+        last = np.minimum(np.arange(rows.shape[1]), turned.ticks)
+        rows[0, :wait] = self.pick.q
+        for row, thrown, aside in zip(rows, rows_of(swing), rows_of(turned.samples), strict=True):
+            row[wait:, self.throwing] = thrown
+            row[:, self.aside] = aside[last]
+        return Samples(*rows)
+
+    def raised(self) -> Iterator[Option]:
+        """Motions by a raised pose, joining the swing at its start or in its middle."""
+        for k in (0, self.opens // 2):
+            for parts in by_raised(self.one.space, self.pick, state_at(self._throw, k)):
+                yield option_of(parts, self.one.free - k, k)
+
+
+def _stretched(swing: Samples, speed: float, end: int) -> Samples | None:
+    """A swing whose part until sample `end` takes longer; None where that part is too short.
+
+    Its clock runs at `speed`, and rises to the swing's in the last `RISE` samples of the part.
+    """
+    if speed == 1.0:
+        return swing
+    # A clock that rises halfway on average; whole samples, so that the rest stays as it is.
+    ticks = math.ceil((end - (1.0 + speed) * RISE / 2) / speed) + RISE
+    speed = (end - RISE / 2) / (ticks - RISE / 2)
+    if ticks <= RISE or not 0.0 < speed < 1.0:
+        return None
+    t = np.arange(ticks, dtype=np.float64)
+    u = np.clip((t - (ticks - RISE)) / RISE, 0.0, 1.0)
+    rise = 1.0 - speed
+    rate = speed + rise * u**3 * (10 - 15 * u + 6 * u**2)
+    change = rise * 30 * u**2 * (1 - u) ** 2 / (RISE * TICK)
+    clock = speed * t + rise * RISE * u**4 * (2.5 - 3 * u + u**2)
+    at = swing.path.at(TICK * clock)
+    q, dq, ddq = at.pose.T, at.twist.T, at.acceleration.T
+    rate, change = rate[:, None], change[:, None]
+    found = q, dq * rate, ddq * rate**2 + dq * change
+    return Samples(*(np.vstack([v, w[end:]]) for v, w in zip(found, rows_of(swing), strict=True)))
+
+
+def _of(state: State, joints: Indices) -> State:
+    """The state of some joints."""
+    return State(state.q[joints], state.dq[joints], state.ddq[joints])

@@ -1,0 +1,114 @@
+"""Cycles as files: cycle.json, motion.csv, cycle.png."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...models import Array
+from ...problems import InputError, check_arguments, scene_from_table
+from ...problems.files import filling, read_csv, read_text, write_json
+from ..result import write_table
+from ..throw import TICK, Samples
+from .cycle import ORDERS, Cycle, Step
+from .picture import draw_cycle
+
+#: Version of cycle.json; `read_cycle` refuses other versions.
+FORMAT = 1
+#: Files of a cycle's folder.
+CYCLE_FILES = ("motion.csv", "cycle.png", "cycle.json")
+#: Samples of a step, in their order in time, in cycle.json as `samples`.
+MOMENTS = ("reach", "held", "join", "free")
+
+
+@check_arguments
+def save_cycle(cycle: Cycle, folder: str | Path) -> None:
+    """Write cycle.json and, if it is solved, motion.csv and cycle.png.
+
+    motion.csv: all joints at 1 kHz, and `gripper`: 1 while it is to be closed, 0 open. InputError
+    if the folder cannot be written, which then stays as it was.
+    """
+    with filling(Path(folder), CYCLE_FILES) as scratch:
+        document: dict[str, Any] = {"format": FORMAT, **cycle.to_dict()}
+        if cycle.solved:
+            samples = cycle.samples
+            columns = {"t": samples.times, "q": samples.q, "dq": samples.dq, "ddq": samples.ddq}
+            write_table(scratch / "motion.csv", columns | {"gripper": gripper_commands(cycle)})
+            draw_cycle(cycle, scratch / "cycle.png")
+            tables = [step.scene.table() for step in cycle.steps]
+            document["arm"] = tables[0]["arm"]
+            for step, entry, table in zip(cycle.steps, document["steps"], tables, strict=True):
+                entry["samples"] = [getattr(step, moment) for moment in MOMENTS]
+                entry["definition"] = {k: v for k, v in table.items() if k != "arm"}
+        write_json(scratch / "cycle.json", document)
+
+
+def gripper_commands(cycle: Cycle) -> Array:
+    """1 for each sample (N,) at which the gripper is to be closed, 0 for open."""
+    times, closed = cycle.samples.times, np.zeros(len(cycle.samples.q))
+    for step in cycle.steps:
+        closed[(times >= TICK * step.reach) & (times < step.command_time)] = 1.0
+    return closed
+
+
+@check_arguments
+def read_cycle(path: str | Path) -> Cycle:
+    """The cycle of a cycle.json (or its folder) and its motion.csv, judged again when asked.
+
+    InputError for a missing file, a file that is no cycle, another version, and a cycle that is not
+    solved.
+    """
+    path = Path(path)
+    path = path / "cycle.json" if path.is_dir() else path
+    try:
+        found = json.loads(read_text(path))
+    except (RecursionError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: is not JSON: {error}") from None
+    if not isinstance(found, dict) or "steps" not in found:
+        raise InputError(f"{path}: is not a cycle file")
+    if found.get("format") != FORMAT:
+        version = found.get("format")
+        raise InputError(f"{path}: a cycle file of version {version!r}, must be {FORMAT}")
+    if found.get("status") != "solved":
+        raise InputError(f"{path}: the cycle is not solved: it holds no motion")
+    try:
+        steps = tuple(_step(entry, found["arm"]) for entry in found["steps"])
+        numbers = float(found["with_stops"]), {k: float(v) for k, v in found["time"].items()}
+        name, order = str(found["jobs"]), str(found["order"])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise InputError(f"{path}: is not a complete cycle file ({error!r})") from None
+    if not steps or order not in ORDERS or steps[0].scene.arm is None:
+        raise InputError(f"{path}: is not a complete cycle file")
+    samples = _samples(path.parent / "motion.csv", steps[0].scene.arm.joints)
+    moments = [getattr(step, moment) for step in steps for moment in MOMENTS]
+    rising = all(a <= b for a, b in itertools.pairwise([0, *moments, len(samples.q) - 1]))
+    if not rising or not all(TICK * s.join <= s.opening_time <= TICK * s.free for s in steps):
+        raise InputError(f"{path}: its times must rise and be within motion.csv")
+    return Cycle(name, steps, samples, order, *numbers)
+
+
+def _step(entry: dict[str, Any], arm: dict[str, Any]) -> Step:
+    scene = scene_from_table({**entry["definition"], "arm": arm})
+    moments = [int(k) for k in entry["samples"]]
+    if len(moments) != len(MOMENTS) or scene.robot is None or scene.target is None:
+        raise ValueError("samples")
+    reach, held, join, free = moments
+    names, opening = (str(entry["pick"]), str(entry["bin"])), float(entry["opening_time"])
+    return Step(*names, scene, reach, held, join, free, opening)
+
+
+def _samples(path: Path, joints: int) -> Samples:
+    """All joints in motion.csv."""
+    names = [f"{kind}{j + 1}" for kind in ("q", "dq", "ddq") for j in range(joints)]
+    rows = read_csv("motion", str(path), None, ("t", *names))
+    if len(rows) < 2 or np.abs(rows[:, 0] - TICK * np.arange(len(rows))).max() > 1e-6:
+        raise InputError(f"{path}: t must go from 0 in steps of {TICK:g}")
+    return Samples(*np.split(rows[:, 1:], 3, axis=1))

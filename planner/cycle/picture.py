@@ -1,0 +1,88 @@
+"""cycle.png: when each object is grasped, swung and flies, and the floor plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..show import BLACK, BLUE, GREEN, GREY, ORANGE, TEAL, new_figure, save
+from ..throw import TICK
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from .cycle import Cycle
+
+#: Colours of what happens to an object.
+COLOURS = {
+    "grasp": TEAL,
+    "swing": BLUE,
+    "release": ORANGE,
+    "flight": GREEN,
+    "on to the next": GREY,
+}
+
+
+def draw_cycle(cycle: Cycle, path: Path) -> None:
+    """Draw a solved cycle: timeline above, floor plan below."""
+    figure = new_figure(9.5, 5.0 + 0.3 * len(cycle.steps))
+    above, below = figure.subplots(2, 1, height_ratios=[1.0 + 0.3 * len(cycle.steps), 4.0])
+    _draw_times(above, cycle)
+    _draw_floor(below, cycle)
+    above.set_title(f"{cycle.name}: {cycle.message}", loc="left", fontsize=10)
+    save(figure, path)
+
+
+def _draw_times(axes: Axes, cycle: Cycle) -> None:
+    """A row for each object."""
+    ends = [TICK * step.reach for step in cycle.steps[1:]] + [cycle.duration]
+    for row, (step, throw, end) in enumerate(zip(cycle.steps, cycle.throws, ends, strict=True)):
+        lands = TICK * step.join + throw.landing_time
+        pieces = {
+            "grasp": (TICK * step.reach, TICK * step.held),
+            "swing": (TICK * step.held, step.opening_time),
+            "release": (step.opening_time, step.detach_time),
+            "on to the next": (step.detach_time, end),
+        }
+        for name, (begin, until) in pieces.items():
+            axes.barh(row, until - begin, 0.5, begin, color=COLOURS[name], zorder=2)
+        begin = step.detach_time
+        axes.barh(row + 0.33, lands - begin, 0.14, begin, color=COLOURS["flight"], zorder=2)
+    labels = [f"{step.pick} → {step.bin}" for step in cycle.steps]
+    axes.set_yticks(range(len(labels)), labels, fontsize=8)
+    for name, colour in COLOURS.items():
+        axes.barh(0, 0.0, color=colour, label=name)
+    axes.legend(fontsize=7, ncols=len(COLOURS), loc="upper left", bbox_to_anchor=(0.0, -0.1))
+    axes.invert_yaxis()
+    axes.grid(axis="x", alpha=0.3, lw=0.6, zorder=0)
+    axes.set(xlim=(0.0, cycle.duration), xlabel="time [s]")
+
+
+def _draw_floor(axes: Axes, cycle: Cycle) -> None:
+    """Picks, bins, the way of the pads and the flights, from above."""
+    q = cycle.samples.q[::5]
+    spatial = cycle.steps[0].space.spatial
+    x, y, _ = spatial.pads(q, 0.0 * q, 0.0 * q).pose[:, :3, 3].T
+    axes.plot(x, y, color=GREY, lw=0.8, zorder=2, label="pads")
+    for step, throw in zip(cycle.steps, cycle.throws, strict=True):
+        times = np.linspace(0.0, throw.landing.flight_time, 20)
+        flown = throw.flight(times)
+        points = throw.target.plane.points(flown[0], flown[1])
+        axes.plot(points[:, 0], points[:, 1], color=GREEN, lw=1.2, zorder=3)
+        axes.plot(*points[-1, :2], "o", color=BLACK, ms=5, zorder=4)
+        axes.annotate(
+            step.bin,
+            (points[-1, 0], points[-1, 1]),
+            xytext=(5, 5),
+            textcoords="offset points",
+            size=7,
+        )
+        k = step.reach // 5
+        axes.plot(x[k], y[k], "s", color=TEAL, ms=5, zorder=4)
+        axes.annotate(step.pick, (x[k], y[k]), xytext=(5, 5), textcoords="offset points", size=7)
+    axes.plot(0.0, 0.0, "^", color=BLACK, ms=8, zorder=4)
+    axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    axes.margins(0.12)
+    axes.grid(alpha=0.3, lw=0.6, zorder=0)

@@ -1,0 +1,382 @@
+"""The same jobs by placing: each object carried into its bin, laid down and let go.
+
+What throwing is compared with, so it is as fast as the same limits allow: moves do not stop above
+the bin, they are slowed only as far as the verdict demands, and the gripper's dwell passes on the
+way down.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+
+from ...models import Array, ReadOnly
+from ...problems import Bin, InputError, Jobs, Pick, check_arguments
+from ...problems.files import plain
+from ..clearance import SpatialScene
+from ..throw import (
+    NO_SAMPLES,
+    TICK,
+    Limits,
+    Samples,
+    State,
+    joint_limits,
+    make_manipulator,
+    transfer,
+)
+from ..verdict import Code, Finding, first_finding, grip_use
+from .cycle import UnsolvedError
+from .edges import CycleThrow, Edge, Option, at_rest, joined
+from .inverse_kinematics import DOWN, inverse_kinematics, joint_rates
+from .network import Network
+from .planning import with_joints
+
+#: Height [m] above the place from where the hand goes straight down, and to where it rises.
+LIFT = 0.1
+#: Distances [m] aside of the point at that height that the hand passes: at most so far it cuts the
+#: corner. The fastest motion is taken.
+CORNERS = (0.02, 0.04)
+#: Share of the speed there from which a joint could just come to rest at the place.
+PASSING = 0.7
+#: Most motions that are judged to find one slow enough, and to quicken it again.
+SLOWINGS, QUICKENINGS = 30, 3
+#: Share of a limit that a slowed motion is to use, and bounds of a slowing's factor.
+AIM, FACTORS = 0.99, (0.5, 0.97)
+
+
+@dataclass(frozen=True, eq=False)
+class Placing(ReadOnly):
+    """The jobs done by placing, as one motion of all joints (N, joints) at 1 kHz.
+
+    steps: names of pick and bin in turn. carried: for each, the samples between which the hand
+    holds the object. refused: by the name of a bin, why nothing is placed in it. trouble: why not
+    all jobs can be done; then there is no motion.
+    """
+
+    samples: Samples
+    steps: tuple[tuple[str, str], ...]
+    carried: tuple[tuple[int, int], ...]
+    refused: dict[str, str]
+    trouble: str = ""
+
+    @property
+    def duration(self) -> float:
+        """Time [s] of all of it; NaN if it cannot be done."""
+        return math.nan if self.trouble else TICK * (len(self.samples.q) - 1)
+
+    @property
+    def words(self) -> str:
+        """The result as one line for people."""
+        if self.trouble:
+            return f"by placing: not all, {self.trouble}"
+        left_out = "".join(f"; not into {name}: {why}" for name, why in self.refused.items())
+        each = self.duration / len(self.steps)
+        return f"by placing: {self.duration:.2f} s, {each:.2f} s an object{left_out}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON: SI units; the duration is null where not all can be done."""
+        entries = {"duration": self.duration, "message": self.words, "refused": self.refused}
+        table: dict[str, Any] = plain(entries)
+        return table
+
+
+@check_arguments
+def place_jobs(jobs: Jobs) -> Placing:
+    """All objects of a job file placed at their bins' targets, in the fastest order.
+
+    The object's CoM comes to rest at the target's place (of a region its middle), at its angle;
+    where the angle is open the hand points down. A bin that moves, or that the arm does not reach,
+    is in `refused`. InputError for a hand pose of a pick that the arm cannot take.
+    """
+    jobs = with_joints(jobs)
+    places, refused = list[_Place](), dict[str, str]()
+    tried = list[tuple[str, object]]()
+    for number, pick in enumerate(jobs.picks):
+        for one in jobs.bins_of(pick):
+            # What is out of reach for an object is so from each pick.
+            if (one.name, pick.sections) in tried:
+                continue
+            try:
+                places.append(_place(jobs, number, pick, one))
+            except InputError as error:
+                refused[one.name] = str(error)
+                tried.append((one.name, pick.sections))
+    done = {place.pick for place in places}
+    trouble = ""
+    for number, pick in enumerate(jobs.picks):
+        if number not in done:
+            reasons = (f"{one.name}: {refused[one.name]}" for one in jobs.bins_of(pick))
+            trouble = trouble or f"{pick.name} into {'; '.join(reasons)}"
+    if not trouble:
+        network = _PlacingNetwork(jobs, places)
+        try:
+            order, chosen = network.fastest()
+            return _sequence(network, order, chosen, refused)
+        except UnsolvedError as error:
+            trouble = str(error)
+    return Placing(NO_SAMPLES, (), (), refused, trouble)
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """An object laid down in a bin. pick: its number; bin: name; above, down: joints (joints,) at
+    the height of `LIFT`, and at the place."""
+
+    pick: int
+    bin: str
+    space: SpatialScene
+    above: Array
+    down: Array
+
+    def corners(self, far: Array) -> Iterator[State]:
+        """States in which the hand passes above the bin on its way down from joints `far`
+        (joints,): joints that go on move, those that turn round rest."""
+        yield at_rest(self.above)
+        limits, rows = self.space.kinematics.arm.limits, np.array([far, self.above])
+        start, end = self.space.spatial.frames(rows)[-1, :, :3, 3]
+        way = (start - end) * [1.0, 1.0, 0.0]
+        length = float(np.linalg.norm(way))
+        for corner in CORNERS:
+            if corner > length / 2:
+                return
+            q = self.above + corner * joint_rates(self.space, self.above, way / length)
+            left = self.down - q
+            goes_on = left * (q - far) > 0.0
+            speeds = np.minimum(
+                np.sqrt(2 * np.array(limits.acceleration) * np.abs(left)), limits.velocity
+            )
+            dq = np.where(goes_on, PASSING * np.copysign(speeds, left), 0.0)
+            yield State(q, dq, 0.0 * q)
+
+
+def _place(jobs: Jobs, number: int, pick: Pick, one: Bin) -> _Place:
+    """Joints of a pick's object in a bin; InputError if there are none."""
+    scene = jobs.scene_of(pick, one)
+    target = scene.target
+    assert target is not None
+    if not target.at_rest:
+        raise InputError("the bin moves")
+    space, plane, grasp = (
+        SpatialScene(scene, make_manipulator(scene)),
+        target.plane,
+        scene.grasp.angle,
+    )
+    theta = DOWN + grasp if target.theta is None else target.theta
+    lever = scene.com_offset * np.array([math.cos(theta), math.sin(theta)])
+    x, z = np.array([target.plane_x, target.z]) - lever
+    angle = math.remainder(theta - grasp, 2 * math.pi)
+    # About the vertical a bar in line with the hand is the same at any turn.
+    upright = abs(angle - DOWN) < 1e-9 and grasp == 0.0
+    turn, angle = (None, DOWN) if upright else (plane.azimuth, angle)
+    assert pick.joints is not None  # by `with_joints`
+    joints, seed = list[Array](), list(pick.joints)
+    for height in (z, z + LIFT):
+        at = plane.points(x, height).tolist()
+        joints.append(inverse_kinematics(space, at, turn, seed, angle=angle, held=True))
+        seed = joints[-1].tolist()
+    down, above = joints
+    return _Place(number, one.name, space, above, down)
+
+
+# Motions, slowed as far as the verdict demands.
+
+
+@dataclass(frozen=True)
+class _Shares:
+    """Shares of the limits: on velocity; on acceleration and jerk of the joints that throw, and of
+    the others, which tilt the object out of the pads' plane."""
+
+    velocity: float = 1.0
+    throwing: float = 1.0
+    aside: float = 1.0
+
+    def limits(self, space: SpatialScene) -> Limits:
+        """The limits of all joints, reduced."""
+        arm = space.kinematics.arm
+        limits, scale = joint_limits(arm, range(1, arm.joints + 1)), np.full(arm.joints, self.aside)
+        scale[np.array(space.kinematics.throwing_joints) - 1] = self.throwing
+        assert limits.jerk is not None
+        ends = limits.q_min, limits.q_max
+        return Limits(*ends, self.velocity * limits.dq, scale * limits.ddq, scale * limits.jerk)
+
+    def smaller(self, finding: Finding, tilts: bool) -> _Shares | None:
+        """Smaller shares against a broken limit; None if slowing does not help.
+
+        tilts: the object is tilted or pulled out of the pads, more than it slips.
+        """
+        low, high = FACTORS
+        factor = min(max(AIM * finding.limit / max(abs(finding.value), 1e-9), low), high)
+        match finding.code:
+            case Code.TOOL_SPEED | Code.JOINT_VELOCITY:
+                return dataclasses.replace(self, velocity=factor * self.velocity)
+            case Code.CARRY if tilts:
+                return dataclasses.replace(self, aside=factor * self.aside)
+            case Code.CARRY | Code.TORQUE | Code.TORQUE_RATE:
+                return _Shares(self.velocity, factor * self.throwing, factor * self.aside)
+        return None
+
+
+def slowed_transfer(space: SpatialScene, start: State, goal: State, *, held: bool) -> Samples:
+    """The fastest motion of all joints between two states of motion that breaks no limit.
+
+    Ruckig's, with its limits reduced until grip (if `held`), torques and tool speed are kept, then
+    raised again as far as that is allowed. Samples (N, joints), both states included. Raises
+    UnsolvedError with the broken limit that no slower motion avoids.
+    """
+    shares, trouble = _Shares(), ""
+    for _ in range(SLOWINGS):
+        found = transfer(shares.limits(space), start, goal)
+        if found is None:
+            break
+        broken = first_finding(space, found.samples, held=held)
+        if broken is None:
+            return _quickened(space, start, goal, held, shares, found.samples)
+        trouble, tilts = broken.words, False
+        if broken.code is Code.CARRY:
+            grip = grip_use(space, found.samples)
+            worst = int(grip.use.argmax())
+            rest = Samples(found.samples.q, *np.zeros((2, *found.samples.q.shape)))
+            if grip_use(space, rest).use.max() > 1.0:
+                break
+            tilts = bool(grip.tilting[worst] + grip.lifting[worst] > grip.friction[worst])
+        smaller = shares.smaller(broken, tilts)
+        if smaller is None:
+            break
+        shares = smaller
+    raise UnsolvedError(trouble or "a state is beyond the limits of the joints")
+
+
+def _quickened(
+    space: SpatialScene, start: State, goal: State, held: bool, shares: _Shares, found: Samples
+) -> Samples:
+    """The motion with larger shares, where these are allowed and as quick."""
+    for name in ("aside", "throwing", "velocity"):
+        low, high = getattr(shares, name), 1.0
+        for _ in range(QUICKENINGS if low < 1.0 else 0):
+            middle = (low + high) / 2
+            larger = dataclasses.replace(shares, **{name: middle})
+            other = transfer(larger.limits(space), start, goal)
+            if (
+                other is not None
+                and other.ticks < len(found.q)
+                and first_finding(space, other.samples, held=held) is None
+            ):
+                shares, found, low = larger, other.samples, middle
+            else:
+                high = middle
+    return found
+
+
+class _Way(Edge):
+    """The fastest motion in two parts, judged when it is needed.
+
+    ways: of each state above the bin, the states at the ends of the parts.
+    """
+
+    def __init__(
+        self, place: _Place, ways: Sequence[tuple[State, State, State]], *, held: bool
+    ) -> None:
+        self._place, self._held, self._is_judged, self.trouble = place, held, False, ""
+        self._ways = sorted(ways, key=self._least)
+        self._best: Option | None = Option(self._least(self._ways[0]), lambda: NO_SAMPLES)
+
+    @property
+    def best(self) -> Option | None:
+        """The motion; before it is judged, its time by the limits of the joints only."""
+        return self._best
+
+    def _least(self, way: tuple[State, State, State]) -> float:
+        """Time [s] by the limits of the joints only."""
+        limits = _Shares().limits(self._place.space)
+        found = [transfer(limits, *ends) for ends in itertools.pairwise(way)]
+        ticks = [math.inf if each is None else each.ticks for each in found]
+        return TICK * sum(ticks)
+
+    def settle(self) -> bool:
+        """Judge, if that is not done; returns whether the time stays."""
+        if self._is_judged:
+            return True
+        before, self._best, self._is_judged = self.time, None, True
+        for way in self._ways:
+            if self._least(way) >= self.time:
+                break
+            try:
+                parts = [
+                    slowed_transfer(self._place.space, *ends, held=self._held)
+                    for ends in itertools.pairwise(way)
+                ]
+            except UnsolvedError as error:
+                self.trouble = self.trouble or str(error)
+                continue
+            samples = joined(parts)
+            time = TICK * (len(samples.q) - 1)
+            if time < self.time:
+                self._best = Option(time, functools.partial(lambda known: known, samples))
+        return self.time == before
+
+
+class _PlacingNetwork(Network):
+    """Motions between all picks and places."""
+
+    def __init__(self, jobs: Jobs, places: Sequence[_Place]) -> None:
+        # Of throws it reads the pick and the scene only, besides what is defined here.
+        super().__init__(jobs, cast(Sequence[CycleThrow], places))
+        self.places = places
+
+    def enter(self, pick: int, throw: int, *, stop: bool = False) -> Edge:
+        """From a pick down to a place."""
+        place, start = self.places[throw], self.picks[pick]
+
+        def make() -> _Way:
+            down = at_rest(place.down)
+            ways = [(start, corner, down) for corner in place.corners(start.q)]
+            return _Way(place, ways, held=True)
+
+        return self._edge(("enter", pick, throw), make)
+
+    def leave(self, throw: int, goal: int, *, stop: bool = False) -> Edge:
+        """From a place up, and to a pick, or to home for -1."""
+        place, end = self.places[throw], self.end(goal)
+
+        def make() -> _Way:
+            # Downwards, backwards.
+            corners = (State(each.q, -each.dq, each.ddq) for each in place.corners(end.q))
+            ways = [(at_rest(place.down), corner, end) for corner in corners]
+            return _Way(place, ways, held=False)
+
+        return self._edge(("leave", throw, goal), make)
+
+
+def _sequence(
+    network: _PlacingNetwork, order: Sequence[int], chosen: Sequence[int], refused: dict[str, str]
+) -> Placing:
+    """All motions one after another."""
+    ways = [edge.best.samples for edge in network.edges(order, chosen) if edge.best is not None]
+    parts = [ways.pop(0)] if len(ways) % 2 else []
+    tick = sum(len(part.q) - 1 for part in parts)
+    steps, carried = list[tuple[str, str]](), list[tuple[int, int]]()
+    for n, (number, place) in enumerate(zip(order, chosen, strict=True)):
+        pick, one = network.jobs.picks[number], network.places[place]
+        opening = one.space.scene.gripper.profile().opening
+        down, up = ways[2 * n], ways[2 * n + 1]
+        grasp = _still(down.q[0], pick.grasp_time)
+        waits = grasp, _still(up.q[0], opening)
+        parts += [waits[0], down, waits[1], up]
+        held = tick + len(grasp.q) - 1
+        carried.append((held, held + len(down.q) - 1))
+        steps.append((pick.name, one.bin))
+        tick = carried[-1][1] + len(waits[1].q) - 1 + len(up.q) - 1
+    return Placing(joined(parts), tuple(steps), tuple(carried), refused)
+
+
+def _still(joints: Array, time: float) -> Samples:
+    """Samples at rest for a time [s]."""
+    q = np.tile(joints, (math.ceil(time / TICK - 1e-9) + 1, 1))
+    return Samples(q, 0.0 * q, 0.0 * q)

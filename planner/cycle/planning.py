@@ -1,0 +1,174 @@
+"""The plan of a cycle: its throws, their order, and one motion through all of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ...problems import InputError, Jobs, Pick, Pose, Scene, check_arguments
+from ...problems.checks import Mistakes, within
+from ..clearance import SpatialScene
+from ..planner import Planner
+from ..result import Plan
+from ..throw import State, make_manipulator
+from .cycle import Cycle, UnsolvedError
+from .edges import CycleThrow, at_rest
+from .inverse_kinematics import inverse_kinematics
+from .network import Network
+from .order import EXACT
+from .sequence import sequence
+
+#: Time [s] for each throw that is planned.
+PATIENCE = 3.0
+#: Largest number of bins into which throws of a pick are planned: those whose planes are nearest.
+MOST_BINS = 4
+#: Time [s] that an object takes, for a first guess where moving bins are.
+CYCLE_TIME = 2.0
+#: Start poses [rad] that differ by less are one.
+ALIKE = 1e-9
+
+
+@check_arguments
+def plan_cycle(
+    jobs: Jobs, *, patience: float = PATIENCE, progress: Callable[[str], object] | None = None
+) -> Cycle:
+    """All objects of a job file thrown into their bins, as one motion in the least time.
+
+    Always returns; `Cycle.solved` says whether all is done. patience [s]: for each throw that is
+    planned. progress: called with what is done next. InputError for an option out of range.
+    """
+    started = time.perf_counter()
+    if not patience > 0:
+        raise InputError(f"patience = {patience:g}: must be above 0")
+    say = progress or (lambda words: None)
+    jobs = with_joints(jobs)
+    throws = _Throws(jobs, patience, say)
+    planned = time.perf_counter() - started
+    if throws.trouble:
+        spent = {"throws": planned, "total": planned}
+        return Cycle(jobs.name, refused=throws.trouble, time=spent)
+    say(f"{jobs.name}: finding the order")
+    network = Network(jobs, throws.found)
+    try:
+        order, chosen = network.fastest()
+        say(f"{jobs.name}: joining the motions")
+        cycle = sequence(jobs, network, order, chosen, throws.again)
+    except UnsolvedError as error:
+        spent = {"throws": planned, "total": time.perf_counter() - started}
+        return Cycle(jobs.name, refused=str(error), time=spent)
+    stops = network.with_stops(order, chosen)
+    total = time.perf_counter() - started
+    spent = {"throws": planned, "transfers": total - planned, "total": total}
+    searched = "exact" if len(jobs.picks) <= EXACT else "insertion"
+    known = jobs.order if jobs.order == "given" else searched
+    return dataclasses.replace(cycle, stops=stops, time=spent, order=known)
+
+
+def with_joints(jobs: Jobs) -> Jobs:
+    """The jobs with all joints of each pick; InputError for a hand pose that the arm cannot take.
+
+    Of the solutions of a hand pose the one next to the pick before is taken.
+    """
+    if all(pick.joints is not None for pick in jobs.picks):
+        return jobs
+    arm, picks, mistakes = jobs.arm, list[Pick](), Mistakes()
+    middle = (np.array(arm.limits.position_min) + np.array(arm.limits.position_max)) / 2
+    seed, throwing = np.array(arm.posture), np.array(arm.throwing_joints) - 1
+    seed[throwing] = middle[throwing]
+    for number, pick in enumerate(jobs.picks, start=1):
+        with mistakes.kept(), within(f"{jobs.name}: pick {number}"):
+            if pick.joints is not None:
+                seed = np.array(pick.joints)
+            elif pick.place is not None:
+                scene = jobs.scene_of(pick, jobs.bins_of(pick)[0])
+                space = SpatialScene(scene, make_manipulator(scene))
+                seed = inverse_kinematics(space, pick.place, pick.turn, seed.tolist(), held=True)
+            cleared = {"x": None, "y": None, "z": None, "turn": None}
+            picks.append(dataclasses.replace(pick, joints=tuple(seed.tolist()), **cleared))
+    mistakes.refuse()
+    return dataclasses.replace(jobs, picks=tuple(picks))
+
+
+class _Throws:
+    """Throws of each object into its bins, in the least time from rest in the pick's own pose.
+
+    found: of each pick in turn; a throw is planned once for objects that are alike in like poses.
+    """
+
+    def __init__(self, jobs: Jobs, patience: float, say: Callable[[str], object]) -> None:
+        self.jobs, self._patience = jobs, patience
+        self._planners: list[Planner] = []
+        self._plans = list[tuple[Scene, State, Plan]]()
+        self.found: list[CycleThrow] = []
+        self.trouble = ""
+        for number, pick in enumerate(jobs.picks):
+            say(f"{jobs.name}: planning throws of {pick.name}")
+            self._plan(number, pick)
+
+    def _plan(self, number: int, pick: Pick) -> None:
+        """Throws from one pick."""
+        scenes = {one.name: self.jobs.scene_of(pick, one) for one in self.jobs.bins_of(pick)}
+        reasons, count = list[str](), len(self.found)
+        for name in _nearest(pick, scenes)[:MOST_BINS]:
+            target = scenes[name].target
+            assert target is not None
+            # A bin that moves is aimed at where it is in the middle of the cycle.
+            goal = target.at(CYCLE_TIME / 2 * len(self.jobs.picks))
+            plan = self._planned(scenes[name], goal, _start(pick, scenes[name]))
+            if plan.solved:
+                self.found.append(CycleThrow(plan, number, name))
+            else:
+                reasons.append(f"{pick.name} into {name}: {plan.message}")
+        if len(self.found) == count:
+            self.trouble = self.trouble or reasons[0]
+
+    def _planned(self, scene: Scene, target: Pose, start: State, warm: Plan | None = None) -> Plan:
+        """The throw to a target, as if that were at rest."""
+        goal = target.changed(velocity=None, since=0.0)
+        scene = scene.aimed_at(goal)
+        for known, state, plan in self._plans:
+            if known == scene and np.abs(state.q - start.q).max() < ALIKE:
+                return plan
+        planner = self._planner(scene)
+        plan = planner.plan(goal, start=start, warm=warm, patience=self._patience)
+        self._plans.append((scene, start, plan))
+        return plan
+
+    def _planner(self, scene: Scene) -> Planner:
+        """The planner of a scene; one for all that differ in the target only."""
+        for planner in self._planners:
+            own = planner.scene
+            assert scene.target is not None
+            if own.fits(scene) and own.aimed_at(scene.target).cup == scene.cup:
+                return planner
+        self._planners.append(Planner(scene, library=False))
+        return self._planners[-1]
+
+    def again(self, one: CycleThrow, seconds: float) -> CycleThrow | None:
+        """A throw into a moving bin, for where it is `seconds` after the start of the cycle."""
+        pick = self.jobs.picks[one.pick]
+        scene = self.jobs.scene_of(pick, self.jobs.bin(one.bin))
+        assert scene.target is not None
+        plan = self._planned(scene, scene.target.at(seconds), _start(pick, scene), one.plan)
+        return CycleThrow(plan, one.pick, one.bin) if plan.solved else None
+
+
+def _start(pick: Pick, scene: Scene) -> State:
+    """The throwing joints at rest at a pick."""
+    assert scene.arm is not None and pick.joints is not None
+    return at_rest([pick.joints[joint - 1] for joint in scene.arm.throwing_joints])
+
+
+def _nearest(pick: Pick, scenes: Mapping[str, Scene]) -> list[str]:
+    """Names of bins, those first whose throws' planes are nearest to the pick's."""
+
+    def turn(name: str) -> float:
+        arm, target = scenes[name].arm, scenes[name].target
+        assert arm is not None and target is not None and pick.joints is not None
+        angle = arm.azimuth_angle(target.plane.azimuth)
+        return abs(angle - pick.joints[arm.azimuth_joint - 1])
+
+    return sorted(scenes, key=turn)

@@ -1,0 +1,105 @@
+"""The motions of a cycle, one after another; throws into moving bins are planned for their time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...problems import Jobs
+from ..throw import TICK, Samples, State
+from .cycle import Cycle, Step, UnsolvedError
+from .edges import CycleThrow, Edge, Option, joined, leave_edge
+from .entrance import enter_edge
+
+if TYPE_CHECKING:
+    from .network import Network
+
+#: Time [s] that a throw into a moving bin gets beyond what the last one needed; the arm waits
+#: for the rest of it.
+SLACK = 0.02
+#: Most throws that are planned to meet a moving bin.
+MEETINGS = 8
+
+
+def sequence(
+    jobs: Jobs,
+    network: Network,
+    order: Sequence[int],
+    chosen: Sequence[int],
+    again: Callable[[CycleThrow, float], CycleThrow | None],
+) -> Cycle:
+    """The cycle of picks in this order with these throws.
+
+    again: a throw for where its bin is at a time [s]. Raises UnsolvedError if a moving bin is not
+    met.
+    """
+    edges = network.edges(order, chosen)
+    first = edges.pop(0) if len(edges) % 2 else None
+    parts = [] if first is None else [_best(first).samples]
+    tick, steps = sum(len(part.q) - 1 for part in parts), list[Step]()
+    ends = [*order[1:], -1 if network.home is not None else order[0]]
+    for n, (number, end) in enumerate(zip(order, ends, strict=True)):
+        pick, one, state = jobs.picks[number], network.throws[chosen[n]], network.picks[number]
+        held = tick + math.ceil(pick.grasp_time / TICK - 1e-9)
+        enter, leave, wait = edges[2 * n], edges[2 * n + 1], 0
+        target = jobs.scene_of(pick, jobs.bin(one.bin)).target
+        assert target is not None
+        if not target.at_rest:
+            one, enter, wait = _meet(one, state, held, again)
+            leave = leave_edge(one, network.end(end))
+            leave.settle()
+        way = _best(enter)
+        reach, held = tick, held + wait
+        join = held + len(way.samples.q) - 1
+        swing = slice(way.join, one.free + 1)
+        thrown = Samples(*(v[swing] for v in (one.samples.q, one.samples.dq, one.samples.ddq)))
+        parts += [_still(state, held - tick), way.samples, thrown, _best(leave).samples]
+        origin = TICK * (join - way.join)
+        scene = one.throw.scene.aimed_at(target.at(origin + one.throw.landing_time))
+        opening = origin + one.throw.opening_time
+        free = join + one.free - way.join
+        names = pick.name, one.bin
+        steps.append(Step(*names, scene, reach, held, join, free, opening))
+        tick = free + len(_best(leave).samples.q) - 1
+    return Cycle(jobs.name, tuple(steps), joined(parts))
+
+
+def _best(edge: Edge) -> Option:
+    if edge.best is None:
+        raise UnsolvedError(f"a motion to meet a moving bin: {edge.trouble}")
+    return edge.best
+
+
+def _still(state: State, ticks: int) -> Samples:
+    """Samples at rest, one more than ticks."""
+    return Samples(*(np.tile(row, (ticks + 1, 1)) for row in (state.q, state.dq, state.ddq)))
+
+
+def _meet(
+    one: CycleThrow,
+    pick: State,
+    held: int,
+    again: Callable[[CycleThrow, float], CycleThrow | None],
+) -> tuple[CycleThrow, Edge, int]:
+    """A throw that meets its moving bin, the motion into it, and how many samples it waits.
+
+    held: sample of the cycle at which the hand holds the object.
+    """
+    aim = -math.inf
+    for _ in range(MEETINGS):
+        edge = enter_edge(one, pick)
+        edge.settle()
+        way = _best(edge)
+        begins = held + len(way.samples.q) - 1 - way.join
+        wait = round((aim - TICK * begins - one.throw.landing_time) / TICK) if aim > 0 else -1
+        if wait >= 0:
+            return one, edge, wait
+        aim = TICK * begins + one.throw.landing_time + SLACK
+        found = again(one, aim)
+        if found is None:
+            raise UnsolvedError(f"no throw meets the moving bin at {aim:.2f} s")
+        one = found
+    raise UnsolvedError("no throw meets the moving bin: it moves too fast for the search")

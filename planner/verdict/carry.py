@@ -1,0 +1,74 @@
+"""The grip on an object that the hand carries in space, out of a throw's plane."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...models import Array, PinchUse, pinch_use
+from ...models.robot import PadMotion
+from ...problems import InputError, check_arguments
+from ..clearance import SpatialScene
+from ..throw import Samples
+from .findings import Code, Finding
+
+#: Parts of the use of a pinch, in words.
+_PARTS = {
+    "friction": "friction in the pads' plane",
+    "tilting": "tilting out of the pads' plane",
+    "lifting": "force across the pads",
+}
+
+
+@check_arguments
+def grip_use(space: SpatialScene, samples: Samples) -> PinchUse:
+    """Share (N,) of the full grip that a motion of all joints (N, joints) needs to hold the object.
+
+    In the throw's plane it is the grip use of `verdict`. InputError for samples of another number
+    of joints.
+    """
+    joints = space.kinematics.arm.joints
+    if samples.q.ndim != 2 or samples.q.shape[1] != joints or not len(samples.q):
+        raise InputError(f"samples: must be (N, {joints}), of all joints")
+    return pinch_of(space, space.spatial.pads(samples.q, samples.dq, samples.ddq))
+
+
+def pinch_of(space: SpatialScene, pads: PadMotion) -> PinchUse:
+    """Share (N,) of the full grip that holds the object by pads that move."""
+    axes = pads.pose[:, :3, :3]
+    normal, along = space.plane_side * axes[:, :, 1], axes[:, :, 2]
+    hand = np.stack([along, np.cross(normal, along), normal])
+    force, torque = (np.einsum("rnk,nk->rn", hand, part) for part in object_wrench(space, pads))
+    return pinch_use(space.scene.patch, force, torque, space.scene.gripper.profile().full)
+
+
+def object_wrench(space: SpatialScene, pads: PadMotion) -> tuple[Array, Array]:
+    """Force [N] and torque about the pads' centre [N m], (N, 3), that the hand gives to the object.
+
+    In the base frame. [object] inertia is that about the pads' normal; about the axis across both
+    a bar has the same, and about its own mass width^2 / 6, as a uniform one of square section.
+    """
+    scene, bar = space.scene, space.bar_in_hand
+    thrown, axes = scene.object, pads.pose[:, :3, :3]
+    along = (bar[1] - bar[0]) / thrown.length
+    r = axes @ (bar[0] + thrown.com * along)
+    swing = np.cross(pads.omega, r)
+    a = pads.acceleration + np.cross(pads.alpha, r) + np.cross(pads.omega, swing)
+    force = thrown.mass * (a + np.array([0.0, 0.0, scene.gravity]))
+    own, u = min(thrown.mass * thrown.width**2 / 6, 2 * thrown.inertia), axes @ along
+    spins = [
+        thrown.inertia * w + (own - thrown.inertia) * (w * u).sum(axis=1)[:, None] * u
+        for w in (pads.omega, pads.alpha)
+    ]
+    return force, np.cross(r, force) + spins[1] + np.cross(pads.omega, spins[0])
+
+
+def grip_findings(space: SpatialScene, pads: PadMotion, times: Array) -> Iterator[Finding]:
+    """The instant of `times` (N,) [s] that needs most of the grip, if it needs too much, and the
+    largest part of it."""
+    grip = pinch_of(space, pads)
+    worst = int(grip.use.argmax())
+    if grip.use[worst] > 1.0:
+        part = max(_PARTS, key=lambda name: float(getattr(grip, name)[worst]))
+        yield Finding(Code.CARRY, float(grip.use[worst]), 1.0, float(times[worst]), _PARTS[part])

@@ -1,0 +1,178 @@
+"""The verdict on a motion of all joints of an arm, with the object in the hand or without.
+
+Throws move in a vertical plane, and `verdict` judges them there; this is for what is between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models import Array
+from ...models.robot import PadMotion, segment_distance
+from ..clearance import BAR, SpatialScene, bar_ends
+from ..throw import TICK, Samples, Throw, arm_excesses
+from .carry import grip_findings, object_wrench
+from .findings import JOINT_LIMITS, Code, Finding, Verdict
+from .single import FLYING, NEAR, collision
+
+#: Distance [samples] of the instants at which bodies are placed; the core measures between them.
+PLACES = 10
+#: Distance [samples] of the instants by which a search refuses most motions.
+COARSE = 8
+
+
+def motion_verdict(space: SpatialScene, samples: Samples, *, held: bool) -> Verdict:
+    """All limits that a motion of all joints breaks.
+
+    samples: of all joints, (N, joints); held: whether the hand holds the object all the time.
+    """
+    return Verdict(tuple(_findings(space, samples, held, 1)))
+
+
+def first_finding(space: SpatialScene, samples: Samples, *, held: bool) -> Finding | None:
+    """The first limit found that a motion breaks, None if it breaks none; see `motion_verdict`.
+
+    A search refuses most motions by few samples.
+    """
+    coarse = next(_findings(space, samples, held, COARSE), None)
+    return next(_findings(space, samples, held, 1), None) if coarse is None else coarse
+
+
+def _findings(space: SpatialScene, samples: Samples, held: bool, step: int) -> Iterator[Finding]:
+    """Broken limits, by every `step`-th sample and the last; those of the joints by all only."""
+    count = len(samples.q)
+    rows = np.unique(np.append(np.arange(0, count, step), count - 1))
+    states = samples.q[rows], samples.dq[rows], samples.ddq[rows]
+    motion = _Motion(space, TICK * rows, *states, space.spatial.pads(*states), held)
+    for rule in (_tool_speed, _grip, _low, _column, _torque):
+        yield from rule(motion)
+    for e in arm_excesses(space.kinematics.arm, samples) if step == 1 else ():
+        yield Finding(JOINT_LIMITS[e.kind], e.value, e.limit, e.time, e.joint)
+    yield from _collisions(motion)
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A motion that is judged: joints (N, joints) at times (N,) [s], and the pads' motion."""
+
+    space: SpatialScene
+    times: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    pads: PadMotion
+    held: bool
+
+
+def _worst(
+    code: Code, times: Array, values: Array, limit: float, body: str = ""
+) -> Iterator[Finding]:
+    """A finding if the largest of values (N,) at times (N,) [s] is above the limit."""
+    k = int(values.argmax())
+    if values[k] > limit:
+        yield Finding(code, float(values[k]), limit, float(times[k]), body)
+
+
+def _tool_speed(motion: _Motion) -> Iterator[Finding]:
+    limit = motion.space.scene.tool_speed
+    if limit is not None:
+        both = np.linalg.norm([motion.pads.velocity, motion.pads.flange_velocity], axis=2)
+        yield from _worst(Code.TOOL_SPEED, motion.times, both.max(axis=0), limit)
+
+
+def _torque(motion: _Motion) -> Iterator[Finding]:
+    scene, arm = motion.space.scene, motion.space.kinematics.arm
+    if not arm.links:
+        return
+    limits = np.array(arm.limits.torque)
+    throwing, section = np.array(motion.space.kinematics.throwing_joints) - 1, scene.torque
+    if section is not None:
+        limits[throwing] = section.of(arm, motion.space.kinematics.throwing_joints)
+    load = np.zeros((len(motion.q), 6))
+    if motion.held:
+        load = np.hstack(object_wrench(motion.space, motion.pads))
+    states = motion.q, motion.dq, motion.ddq
+    torques = motion.space.spatial.torques(*states, scene.gravity, load)
+    for j, use in enumerate((np.abs(torques) / limits).T, start=1):
+        yield from _worst(Code.TORQUE, motion.times, use, 1.0, f"joint {j}")
+    if section is not None and section.rate is not None and len(torques) > 1:
+        change = np.abs(np.diff(torques[:, throwing], axis=0)).max(axis=1)
+        rates = change / np.diff(motion.times)
+        yield from _worst(Code.TORQUE_RATE, motion.times[1:], rates, section.rate)
+
+
+def _grip(motion: _Motion) -> Iterator[Finding]:
+    if motion.held:
+        yield from grip_findings(motion.space, motion.pads, motion.times)
+
+
+def _low(motion: _Motion) -> Iterator[Finding]:
+    workspace = motion.space.scene.workspace
+    if motion.held and workspace is not None and workspace.floor is not None:
+        lowest = motion.space.lowest_of_bar(motion.pads)
+        for finding in _worst(Code.FLOOR, motion.times, NEAR - lowest, -workspace.floor, BAR):
+            yield Finding(
+                Code.FLOOR, NEAR - finding.value, workspace.floor, finding.time, finding.body
+            )
+
+
+def _column(motion: _Motion) -> Iterator[Finding]:
+    workspace = motion.space.scene.workspace
+    if not motion.held or workspace is None or workspace.column_radius is None:
+        return
+    assert workspace.column_height is not None
+    room = motion.space.column_distance(
+        motion.pads, workspace.column_radius, workspace.column_height
+    )
+    if room.min() < -NEAR:
+        yield Finding(Code.COLUMN, float(room.min()), 0.0, float(motion.times[room.argmin()]), BAR)
+
+
+def _collisions(motion: _Motion) -> Iterator[Finding]:
+    space, count = motion.space, len(motion.times)
+    step = max(round(count * PLACES * TICK / max(motion.times[-1], TICK)), 1)
+    places = np.unique(np.append(np.arange(0, count, step), count - 1))
+    if len(places) < 2 or (space.manipulator.capsules is None and not space.scene.obstacle):
+        return
+    bar = space.held_ends(motion.pads)[..., places] if motion.held else None
+    track = space.bodies(motion.q[places], motion.times[places], bar)
+    yield from map(collision, space.around.clearances(track))
+
+
+def flight_gaps(space: SpatialScene, throw: Throw, samples: Samples, begins: float) -> Array:
+    """Least distance (N,) [m] of the arm and the object that flies, at samples from `begins` [s] on
+    the throw's clock until the landing; infinite for an arm without a shape.
+
+    samples: of all joints (N, joints); after their end the arm rests.
+    """
+    times = np.arange(begins, throw.landing_time, TICK)
+    gaps = np.full(times.size, np.inf)
+    if space.manipulator.capsules is None or not times.size:
+        return gaps
+    com = throw.flight(times - throw.detach_time)
+    plane, ends = throw.target.plane, bar_ends(throw.scene.object, com)[0]
+    placed = [plane.points(end[0], end[2]) for end in ends]
+    q = samples.q[np.minimum(np.arange(times.size), len(samples.q) - 1)]
+    bodies = space.bodies(q, times)
+    radius = throw.scene.object.width / np.sqrt(2)
+    for links, own in zip(bodies.ends, bodies.radius, strict=True):
+        gap = segment_distance(links[0].T, links[1].T, *placed) - own - radius
+        np.minimum(gaps, gap, out=gaps)
+    return gaps
+
+
+def flight_findings(
+    space: SpatialScene, throw: Throw, samples: Samples, begins: float
+) -> tuple[Finding, ...]:
+    """Whether the arm touches the object that flies; arguments as of `flight_gaps`.
+
+    Before, `verdict` of the throw measures the distance of hand and object.
+    """
+    gaps = flight_gaps(space, throw, samples, begins)
+    if not gaps.size or gaps.min() >= -NEAR:
+        return ()
+    when = begins + TICK * int(gaps.argmin())
+    return (Finding(Code.COLLISION, float(gaps.min()), 0.0, when, FLYING, "arm"),)

@@ -1,0 +1,128 @@
+"""Joints of hand poses: the frames of the arm are where they were asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from adam.numpy import KinDynComputations
+from throwplan.planner.clearance import SpatialScene
+from throwplan.planner.cycle import inverse_kinematics
+from throwplan.planner.throw import Samples, make_manipulator
+from throwplan.planner.verdict import motion_verdict
+
+ARMS = ["pose", "fr3", "gen3", "iiwa14", "ur5e", "xarm7"]
+MARGIN = 0.05
+
+
+def space_of(name: str) -> SpatialScene:
+    scene = tp.load_scene(name)
+    return SpatialScene(scene, make_manipulator(scene))
+
+
+def is_clear(space: SpatialScene, q: np.ndarray) -> bool:
+    """Whether the arm breaks no limit at rest."""
+    still = Samples(*(np.array([rows, rows]) for rows in (q, 0 * q, 0 * q)))
+    return motion_verdict(space, still, held=False).ok
+
+
+def reachable(name: str, count: int) -> Iterator[tuple[np.ndarray, float, np.ndarray]]:
+    """Random joints of a hand that points down, with place and turn of its pads by the frames.
+
+    The throwing joints lie in any vertical plane, the last joint turns the hand in any way.
+    """
+    space = space_of(name)
+    arm, kinematics, random = space.kinematics.arm, space.kinematics, np.random.default_rng(4)
+    low = np.maximum(np.array(arm.limits.position_min) + MARGIN, -math.pi)
+    high = np.minimum(np.array(arm.limits.position_max) - MARGIN, math.pi)
+    throwing = [joint - 1 for joint in kinematics.throwing_joints]
+    side = np.sign(arm.placed(arm.posture)[-1][1, 1])
+    while count:
+        uniform, q = random.uniform(low, high), np.array(arm.posture)
+        moved = [*throwing, arm.joints - 1, arm.azimuth_joint - 1]
+        q[moved] = uniform[moved]
+        angle = kinematics.theta + kinematics.link_angles(list(q[throwing]))[-1]
+        bend = q[throwing[-1]] + kinematics.signs[-1] * (-math.pi / 2 - angle)
+        q[throwing[-1]] = (bend + math.pi) % (2 * math.pi) - math.pi
+        if (q < low).any() or (q > high).any() or not is_clear(space, q):
+            continue
+        pads = arm.placed(q)[-1]
+        closing = side * pads[:3, 1]
+        yield pads[:3, 3], math.atan2(-closing[0], closing[1]), q
+        count -= 1
+
+
+def check_pose(space: SpatialScene, q: np.ndarray, place: np.ndarray, turn: float) -> None:
+    arm = space.kinematics.arm
+    pads, side = arm.placed(q)[-1], np.sign(arm.placed(arm.posture)[-1][1, 1])
+    assert np.abs(pads[:3, 3] - place).max() < 1e-6
+    assert np.abs(pads[:3, 2] - [0.0, 0.0, -1.0]).max() < 1e-6
+    assert np.abs(side * pads[:3, 1] - [-math.sin(turn), math.cos(turn), 0.0]).max() < 1e-6
+    assert (q >= np.array(arm.limits.position_min) + MARGIN - 1e-12).all()
+    assert (q <= np.array(arm.limits.position_max) - MARGIN + 1e-12).all()
+    assert is_clear(space, q)
+
+
+def count_found(name: str, count: int) -> int:
+    """How many of the reachable poses are found, from one seed for all."""
+    space, found, seed = space_of(name), 0, None
+    for place, turn, q in reachable(name, count):
+        seed = q if seed is None else seed
+        try:
+            joints = inverse_kinematics(space, place.tolist(), turn, seed.tolist(), margin=MARGIN)
+        except tp.InputError:
+            continue
+        check_pose(space, joints, place, turn)
+        found += 1
+    return found
+
+
+@pytest.mark.parametrize("name", ["pose", "ur5e"])
+def test_reachable_poses_are_found(name: str) -> None:
+    assert count_found(name, 8) == 8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ARMS)
+def test_nearly_all_of_200_reachable_poses_are_found(name: str) -> None:
+    assert count_found(name, 200) >= 196
+
+
+def test_another_library_has_the_pads_there() -> None:
+    urdf = Path(__file__).parent.parent / "data" / "panda.urdf"
+    adam = KinDynComputations(str(urdf), [f"panda_joint{i}" for i in range(1, 8)])
+    space, seed = space_of("pose"), [0.0, -0.3, 0.0, -2.2, 0.0, 1.9, 0.785]
+    for place, turn in (([0.5, 0.2, 0.2], 0.3), ([0.4, -0.3, 0.4], None)):
+        q = inverse_kinematics(space, place, turn, seed)
+        pads = np.asarray(adam.forward_kinematics("panda_hand_tcp", np.eye(4), q))
+        assert np.abs(pads[:3, 3] - place).max() < 1e-6
+        assert np.abs(pads[:3, 2] - [0.0, 0.0, -1.0]).max() < 1e-6
+        np.testing.assert_array_equal(q, inverse_kinematics(space, place, turn, seed))
+        assert np.abs(q - seed).max() < 1.0
+
+
+def test_a_hand_in_a_throw_s_pose_is_where_the_planar_model_has_it() -> None:
+    space, azimuth, angle = space_of("pose"), 0.5, -0.6
+    place = [0.5 * math.cos(azimuth), 0.5 * math.sin(azimuth), 0.5]
+    q = inverse_kinematics(space, place, azimuth, [0.0] * 7, angle=angle)
+    approach = space.kinematics.arm.placed(q)[-1][:3, 2]
+    ahead = [math.cos(angle) * math.cos(azimuth), math.cos(angle) * math.sin(azimuth)]
+    np.testing.assert_allclose(approach, [*ahead, math.sin(angle)], atol=1e-8)
+
+
+def test_what_is_not_reached_is_said_in_one_line() -> None:
+    space, seed = space_of("pose"), [0.0, -0.3, 0.0, -2.2, 0.0, 1.9, 0.785]
+    for place, turn, words in (
+        ([1.3, 0.0, 0.3], 0.0, r"x = 1.3, y = 0, z = 0.3, turn_deg = 0: out of reach of panda"),
+        ([0.5, 0.0, -0.05], None, r"where panda reaches it: floor"),
+        ([0.5, 0.0], 0.0, "must be 3 finite numbers"),
+    ):
+        with pytest.raises(tp.InputError, match=words) as raised:
+            inverse_kinematics(space, place, turn, seed)
+        assert "\n" not in str(raised.value)
+    with pytest.raises(tp.InputError, match="seed: must be 7"):
+        inverse_kinematics(space, [0.5, 0.0, 0.3], 0.0, seed[:3])

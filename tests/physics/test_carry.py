@@ -1,0 +1,272 @@
+"""The grip while the hand carries the object in space, and the torques of all joints."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import casadi as ca
+import mujoco
+import numpy as np
+import pytest
+import throwplan as tp
+from builders import inertia_matrix, swinging, varied
+from throwplan.models import Contact, SurfaceShape, pinch_use
+from throwplan.planner.clearance import SpatialScene
+from throwplan.planner.robot import joint_motion
+from throwplan.planner.throw import Samples, friction_use, make_manipulator
+from throwplan.planner.verdict import Code, Verdict, grip_use, motion_verdict
+
+ARMS = ["pose", "fr3", "gen3", "iiwa14", "ur5e", "xarm7"]
+
+
+def space_of(scene: tp.Scene) -> SpatialScene:
+    return SpatialScene(scene, make_manipulator(scene))
+
+
+def judged(scene: tp.Scene, samples: Samples, held: bool = True) -> Verdict:
+    return motion_verdict(space_of(scene), samples, held=held)
+
+
+def leaning(name: str) -> tp.Scene:
+    """The scene's bar is thick, grasped beside its end and at an angle."""
+    return varied(tp.load_scene(name), object={"width": 0.05}, grasp={"angle": 0.4, "offset": 0.02})
+
+
+def states(name: str, times: np.ndarray) -> tuple[np.ndarray, ...]:
+    """All joints of a scene's arm swing: q, dq, ddq (N, joints)."""
+    return swinging(name, every=True).joints.at(times)
+
+
+def in_pads(scene: tp.Scene) -> tuple[np.ndarray, np.ndarray]:
+    """CoM (3,) and inertia (3, 3) of the bar in the pads' frame, from the posture of a throw."""
+    pads = scene.arm.placed(scene.arm.posture)[-1]
+    theta = math.atan2(pads[2, 2], pads[0, 2]) + scene.grasp.angle
+    along = pads[:3, :3].T @ [math.cos(theta), 0.0, math.sin(theta)]
+    bar = scene.object
+    tensor = bar.inertia * np.eye(3)
+    tensor += (bar.mass * bar.width**2 / 6 - bar.inertia) * np.outer(along, along)
+    return scene.com_offset * along, tensor
+
+
+def hand_parts(scene: tp.Scene, vectors: np.ndarray) -> np.ndarray:
+    """Vectors (3, N) in the pads' frame: along the hand, across it, along the pads' normal."""
+    pads = scene.arm.placed(scene.arm.posture)[-1]
+    along, across, normal = np.eye(3)[2], np.array([-pads[2, 2], 0.0, pads[0, 2]]), [0.0, -1.0, 0.0]
+    return np.array([along, pads[:3, :3].T @ across, pads[:3, :3].T @ normal]) @ vectors
+
+
+def expected_use(scene: tp.Scene, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Use of the grip by wrenches (3, N) in the pads' frame."""
+    full = scene.gripper.profile().full
+    parts = hand_parts(scene, force), hand_parts(scene, torque)
+    return pinch_use(scene.patch, *parts, full).use
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_the_wrench_is_that_of_points_of_the_body(name: str) -> None:
+    """Newton's law for point masses, whose accelerations are differences of their places.
+
+    Eight points have the body's mass, CoM and inertia; their places come from the arm's frames.
+    """
+    scene, times, step = leaning(name), np.linspace(0.05, 0.35, 13), 1e-4
+    q, mass = ca.SX.sym("q", scene.arm.joints), scene.object.mass
+    pads = ca.Function("pads", [q], [scene.arm.frames(q)[-1]])
+    com, tensor = in_pads(scene)
+    # The second moments of the mass, along their own axes.
+    moments, axes = np.linalg.eigh(np.trace(tensor) / 2 * np.eye(3) - tensor)
+    corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+    points = com + (corners * np.sqrt(moments / mass)) @ axes.T
+
+    def places(t: float) -> tuple[np.ndarray, np.ndarray]:
+        pose = np.array(pads(states(name, np.array([t]))[0][0]))
+        return points @ pose[:3, :3].T + pose[:3, 3], pose
+
+    wrenches = []
+    for t in times:
+        before, (now, pose), after = places(t - step)[0], places(t), places(t + step)[0]
+        pushes = (after - 2 * now + before) / step**2 + np.array([0.0, 0.0, scene.gravity])
+        pushes *= mass / 8
+        turns = np.cross(now - pose[:3, 3], pushes)
+        wrenches.append([each.sum(axis=0) @ pose[:3, :3] for each in (pushes, turns)])
+    force, torque = np.array(wrenches).transpose(1, 2, 0)
+    found = grip_use(space_of(scene), Samples(*states(name, times)))
+    np.testing.assert_allclose(found.use, expected_use(scene, force, torque), rtol=1e-5)
+    assert min(found.friction.max(), found.tilting.max(), found.lifting.max()) > 0.01
+
+
+@pytest.mark.parametrize("name", ARMS[1:])
+def test_grip_and_torques_are_those_of_mujoco(name: str) -> None:
+    """Its inverse dynamics of the arm's links with the bar welded to the hand.
+
+    MuJoCo refuses the Panda's third link: no body has its published inertia.
+    """
+    scene, times = leaning(name), np.linspace(0.02, 0.38, 9)
+    arm, (com, inertia) = scene.arm, in_pads(scene)
+    spec = mujoco.MjSpec()
+    spec.option.gravity = [0.0, 0.0, -scene.gravity]
+    at_zero = [np.eye(4), *arm.placed([0.0] * arm.joints)]
+    hand = at_zero[-1].copy()
+    hand[:3, 3] -= arm.tool.tcp * hand[:3, 2]
+    poses = [*at_zero[1 : arm.joints + 1], hand, at_zero[-1]]
+    bodies = [(link.mass, link.com, inertia_matrix(link)) for link in arm.links]
+    parent, before = spec.worldbody, np.eye(4)
+    carried = scene.object.mass, com, inertia
+    for i, (pose, body) in enumerate(zip(poses, (*bodies, carried), strict=True)):
+        step, quat = np.linalg.solve(before, pose), np.empty(4)
+        mujoco.mju_mat2Quat(quat, step[:3, :3].ravel())
+        parent, before = parent.add_body(name=f"b{i}", pos=step[:3, 3], quat=quat), pose
+        parent.mass, parent.ipos, tensor = body
+        parent.explicitinertial = True
+        parent.fullinertia = [*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]]
+        if i < arm.joints:
+            parent.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+    sensors = {"force": mujoco.mjtSensor.mjSENS_FORCE, "torque": mujoco.mjtSensor.mjSENS_TORQUE}
+    parent.add_site(name="pads")
+    for sensor, kind in sensors.items():
+        spec.add_sensor(name=sensor, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="pads")
+    model = spec.compile()
+    data, rows = mujoco.MjData(model), states(name, times)
+    measured, torques = [], []
+    for state in zip(*rows, strict=True):
+        data.qpos, data.qvel, data.qacc = state
+        mujoco.mj_inverse(model, data)
+        measured.append([data.sensor(sensor).data.copy() for sensor in sensors])
+        torques.append(data.qfrc_inverse.copy())
+    force, torque = np.array(measured).transpose(1, 2, 0)
+    found = grip_use(space_of(scene), Samples(*rows))
+    np.testing.assert_allclose(found.use, expected_use(scene, force, torque), rtol=1e-9)
+    # What the joints bear, by the largest use of their limits that the verdict names.
+    weak = varied(scene, {"torque": (1e-3,) * arm.joints})
+    shares = np.abs(torques).max(axis=0) / 1e-3
+    named = {f.body: f.value for f in judged(weak, Samples(*rows)).broken if f.code is Code.TORQUE}
+    for joint, share in enumerate(shares, start=1):
+        assert named[f"joint {joint}"] == pytest.approx(share, rel=1e-9)
+
+
+# The pinch.
+
+CONTACT = Contact(0.9, 0.004, 0.6, 2)
+FULL = 80.0
+
+
+def wrenches(count: int, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Random forces [N] and torques [N m] (3, count) in the hand's axes."""
+    rows = np.random.default_rng(5).normal(size=(6, count))
+    return size * 50.0 * rows[:3], size * 0.2 * rows[3:]
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 0.7])
+def test_in_the_throw_s_plane_it_is_the_throw_s_grip_use(planner_of, azimuth: float) -> None:
+    planner = planner_of("pose")
+    x = planner.scene.target.x
+    target = tp.Pose(x * math.cos(azimuth), planner.scene.target.z, 0.0, y=x * math.sin(azimuth))
+    motion = joint_motion(planner.plan(target))
+    throw, samples = motion.throw, Samples(motion.q, motion.dq, motion.ddq)
+    found = grip_use(space_of(throw.scene), samples)
+    expected = friction_use(throw.scene, throw.hand(throw.samples.times))
+    assert expected.max() > 0.5
+    np.testing.assert_allclose(found.use, expected, atol=1e-9)
+    assert max(found.tilting.max(), found.lifting.max()) < 1e-9
+
+
+@pytest.mark.parametrize("shape", [None, "quartic", "two-points"])
+def test_the_use_is_a_gauge(shape: str | None) -> None:
+    """In proportion to the wrench, convex, and never below that of one of its parts."""
+    made = None if shape is None else SurfaceShape.of(shape, QUARTIC if shape == "quartic" else ())
+    contact = dataclasses.replace(CONTACT, shape=made)
+    force, torque = wrenches(300)
+    one = pinch_use(contact, force, torque, FULL)
+    double = pinch_use(contact, 2 * force, 2 * torque, FULL).use
+    np.testing.assert_allclose(double, 2 * one.use, rtol=1e-8)
+    np.testing.assert_allclose(pinch_use(contact, force, torque, 2 * FULL).use, one.use / 2)
+    for part in (one.friction, one.tilting, one.lifting):
+        assert (one.use >= part * (1 - 1e-9)).all()
+    middle = pinch_use(contact, *((rows + rows[:, ::-1]) / 2 for rows in (force, torque)), FULL)
+    assert (middle.use <= (one.use + one.use[::-1]) / 2 + 1e-9).all()
+
+
+#: |w|^4 with an axis stretched.
+QUARTIC = (1.0, 0, 0, 2.0, 0, 2.0, 0, 0, 0, 0, 1.5, 0, 2.0, 0, 1.0)
+
+
+def test_single_loads_hold_up_to_their_limits() -> None:
+    """Two pads of 80 N: 144 N of friction, 160 N across, 4 mm of lever out of the plane."""
+    pads = 2 * FULL
+    limits = {
+        0: 0.9 * pads, 1: 0.9 * pads, 2: pads, 3: 0.004 * pads, 4: 0.004 * pads,
+        5: 0.6 * 0.004 * 0.9 * pads,
+    }  # fmt: skip
+    for row, limit in limits.items():
+        wrench = np.zeros((6, 1))
+        wrench[row] = limit
+        assert pinch_use(CONTACT, wrench[:3], wrench[3:], FULL).use[0] == pytest.approx(1.0)
+
+
+def test_pads_of_points_bear_what_the_use_allows() -> None:
+    """A linear program of what two pads bear as points that press and rub, without adhesion.
+
+    Points on both patches, the force of both pads in all, friction at each within an octagon
+    inside Coulomb's cone.
+    """
+    from scipy.optimize import linprog
+
+    contact = dataclasses.replace(CONTACT, torsion=0.5)
+    angles = np.arange(8) * math.pi / 4
+    rings = [(r, a) for r in (0.0, 0.4, 0.7, 0.9, 1.0) for a in angles]
+    points = [(0.004 * r * math.cos(a), 0.004 * r * math.sin(a)) for r, a in rings]
+    columns, press = [], []
+    for side in (1.0, -1.0):
+        for x, y in points:
+            # Pads at one place along their normal: their thickness is left out.
+            lever = np.array([x, y, 0.0])
+            for a in angles:
+                rub = 0.9 * np.array([math.cos(a), math.sin(a), 0.0]) + [0.0, 0.0, -side]
+                columns.append(np.concatenate([rub, np.cross(lever, rub)]))
+                press.append(1.0)
+    force, torque = wrenches(60)
+    scale = np.cos(math.pi / 8)
+    for f, t, use in zip(
+        force.T, torque.T, pinch_use(contact, force, torque, FULL).use, strict=True
+    ):
+        wrench = np.concatenate([f, t]) / use * scale
+        found = linprog(press, A_eq=np.array(columns).T, b_eq=wrench, method="highs")
+        assert found.status == 0 and found.fun <= 2 * FULL * (1 + 1e-9)
+
+
+# The verdict.
+
+
+def turning(base: float, seconds: float = 0.4) -> Samples:
+    """The Panda, hand down, turns its base by `base` [rad] from rest to rest."""
+    t = np.linspace(0.0, 1.0, round(seconds / 1e-3) + 1)[:, None]
+    start, way = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 1.9, 0.785]), np.eye(7)[0] * base
+    shape = (np.polynomial.Polynomial([0, 0, 0, 10, -15, 6]).deriv(k)(t) for k in range(3))
+    q, dq, ddq = (s * way / seconds**k for k, s in enumerate(shape))
+    return Samples(start + q, dq, ddq)
+
+
+def test_a_slow_way_is_held_and_a_fast_one_turns_the_object() -> None:
+    scene, way = tp.load_scene("pose"), turning(0.2, seconds=0.3)
+    weak = varied(scene, gripper={"force": 30.0})
+    assert judged(weak, turning(0.1)).ok and judged(weak, way, held=False).ok
+    (found,) = judged(weak, way).broken
+    assert found.code is Code.CARRY and found.body == "tilting out of the pads' plane"
+    assert "% of what the pads' force holds" in found.words
+    use = grip_use(space_of(weak), way).use
+    assert use[round(found.time / 1e-3)] == found.value == use.max() > 1.0
+
+
+def test_limits_of_joints_tool_and_torques_are_found() -> None:
+    scene, way = tp.load_scene("pose"), turning(1.2)
+    codes = judged(scene, way, held=False).codes
+    assert {Code.JOINT_VELOCITY, Code.JOINT_ACCELERATION, Code.TOOL_SPEED} <= codes
+    rate = scene.replace(torque=tp.Torque(rate=2.0))
+    assert Code.TORQUE_RATE in judged(rate, turning(0.1)).codes
+
+
+def test_samples_of_other_joints_are_refused() -> None:
+    still = turning(0.0)
+    three = Samples(still.q[:, :3], still.dq[:, :3], still.ddq[:, :3])
+    with pytest.raises(tp.InputError, match=r"samples: must be \(N, 7\)"):
+        grip_use(space_of(tp.load_scene("pose")), three)
