@@ -70,7 +70,8 @@ def plan_cycle(
 def _with_joints(jobs: Jobs) -> Jobs:
     """The jobs with all joints of each pick; InputError for a hand pose that the arm cannot take.
 
-    Of the solutions of a hand pose the one next to the pick before is taken.
+    Of the solutions of a hand pose the one next to the posture of throws over it is taken, whose
+    plane the hand is in if its turn is left open.
     """
     if all(pick.joints is not None for pick in jobs.picks):
         return jobs
@@ -85,7 +86,12 @@ def _with_joints(jobs: Jobs) -> Jobs:
             elif pick.place is not None:
                 scene = jobs.scene_of(pick, jobs.bins_of(pick)[0])
                 space = SpatialScene(scene, make_manipulator(scene))
-                seed = inverse_kinematics(space, pick.place, pick.turn, seed.tolist(), held=True)
+                x, y, z = pick.place
+                azimuth = Pose(x=x, y=y, z=z).with_lateral(arm.lateral).plane.azimuth
+                near, turn = np.array(arm.posture), azimuth if pick.turn is None else pick.turn
+                near[throwing] = seed[throwing]
+                near[arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
+                seed = inverse_kinematics(space, pick.place, turn, near.tolist(), held=True)
             cleared = {"x": None, "y": None, "z": None, "turn": None}
             picks.append(dataclasses.replace(pick, joints=tuple(seed.tolist()), **cleared))
     mistakes.refuse()
@@ -126,14 +132,19 @@ class _Throws:
             self.trouble = self.trouble or reasons[0]
 
     def _planned(self, scene: Scene, target: Pose, start: State, warm: Plan | None = None) -> Plan:
-        """The throw to a target, as if that were at rest."""
+        """The throw to a target, as if that were at rest.
+
+        From the start or, if that finds none, from a start pose that is free.
+        """
         goal = target.changed(velocity=None, since=0.0)
         scene = scene.aimed_at(goal)
         for known, state, plan in self._plans:
             if known == scene and np.abs(state.q - start.q).max() < ALIKE:
                 return plan
-        planner = self._planner(scene)
-        plan = planner.plan(goal, start=start, warm=warm, patience=self._patience)
+        planner, patience = self._planner(scene), self._patience / 2
+        plan = planner.plan(goal, start=start, warm=warm, patience=patience)
+        if not plan.solved:
+            plan = planner.plan(goal, patience=patience)
         self._plans.append((scene, start, plan))
         return plan
 
