@@ -55,7 +55,7 @@ class SpatialScene:
     def held_ends(self, pads: PadMotion) -> Array:
         """Ends (1, 2, 3, N) [m] of the held bar."""
         axes, places = pads.pose[:, :3, :3], pads.pose[:, :3, 3]
-        return np.einsum("nij,kj->kin", axes, self.bar_in_hand)[None] + places.T
+        return np.asarray(np.einsum("nij,kj->kin", axes, self.bar_in_hand)[None] + places.T)
 
     def bodies(self, q: Array, times: Array, bar: Array | None = None) -> SweptBodies:
         """Arm with joints q (N, joints) at times (N,) [s], and bar with ends (1, 2, 3, N)."""

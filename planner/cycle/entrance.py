@@ -117,8 +117,8 @@ class _Entrance:
     def _samples(self, swing: Samples, wait: int, turn: int) -> Samples:
         """All joints: the throwing ones wait and swing, the others turn in `turn` samples."""
         if turn not in self._turned:
-            ends = (_of(state, self.aside) for state in (self.pick, state_at(self._throw, 0)))
-            self._turned[turn] = gentle_transfer(self.aside_limits, *ends, turn)
+            start, goal = _of(self.pick, self.aside), _of(state_at(self._throw, 0), self.aside)
+            self._turned[turn] = gentle_transfer(self.aside_limits, start, goal, turn)
         turned = self._turned[turn]
         assert turned is not None
         rows = np.zeros((3, wait + len(swing.q), len(self.pick.q)))

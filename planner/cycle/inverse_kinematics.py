@@ -102,13 +102,12 @@ class _Reach:
         low, high = np.array(limits.position_min), np.array(limits.position_max)
         inset = np.minimum(self.margin, (high - low) / 2)
         low, high = low + inset, high - inset
-        function, given = (
-            _residual(self.arm, self.turn is None),
-            [self.place, self.turn or 0.0, self.angle],
-        )
+        function = _residual(self.arm, self.turn is None)
         q = np.clip(start, low, high)
         for _ in range(STEPS):
-            residual, slope, facing = (np.array(part) for part in function(q, *given))
+            residual, slope, facing = (
+                np.array(part) for part in function(q, self.place, self.turn or 0.0, self.angle)
+            )
             off = residual.ravel()
             if np.abs(off).max() < CLOSE:
                 # The residual is also zero with axes reversed.
@@ -133,7 +132,9 @@ def _residual(arm: Arm, any_turn: bool) -> ca.Function:
     closing = side * ca.vertcat(-ca.sin(turn), ca.cos(turn), 0)
     wanted = [ahead] if any_turn else [ahead, closing, ca.cross(closing, ahead)]
     axes = [pads[:3, 2], pads[:3, 1], pads[:3, 0]][: len(wanted)]
-    turned = sum(ca.cross(axis, aim) for axis, aim in zip(axes, wanted, strict=True))
+    turned = ca.SX.zeros(3)
+    for axis, aim in zip(axes, wanted, strict=True):
+        turned += ca.cross(axis, aim)
     residual = ca.vertcat(pads[:3, 3] - place, turned[:2] if any_turn else turned / 2)
     facing = ca.vertcat(*(ca.dot(axis, aim) for axis, aim in zip(axes, wanted, strict=True)))
     outputs = [residual, ca.jacobian(residual, q), facing]

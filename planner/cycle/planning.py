@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from ...models import Array
 from ...problems import InputError, Jobs, Pick, Pose, Scene, check_arguments
-from ...problems.checks import Mistakes, within
 from ..clearance import SpatialScene
 from ..planner import Planner
 from ..result import Plan
@@ -75,27 +75,34 @@ def _with_joints(jobs: Jobs) -> Jobs:
     """
     if all(pick.joints is not None for pick in jobs.picks):
         return jobs
-    arm, picks, mistakes = jobs.arm, list[Pick](), Mistakes()
+    arm, picks, mistakes = jobs.arm, list[Pick](), list[str]()
     middle = (np.array(arm.limits.position_min) + np.array(arm.limits.position_max)) / 2
     seed, throwing = np.array(arm.posture), np.array(arm.throwing_joints) - 1
     seed[throwing] = middle[throwing]
     for number, pick in enumerate(jobs.picks, start=1):
-        with mistakes.kept(), within(f"{jobs.name}: pick {number}"):
+        try:
             if pick.joints is not None:
                 seed = np.array(pick.joints)
             elif pick.place is not None:
-                scene = jobs.scene_of(pick, jobs.bins_of(pick)[0])
-                space = SpatialScene(scene, make_manipulator(scene))
-                x, y, z = pick.place
-                azimuth = Pose(x=x, y=y, z=z).with_lateral(arm.lateral).plane.azimuth
-                near, turn = np.array(arm.posture), azimuth if pick.turn is None else pick.turn
+                near = np.array(arm.posture)
                 near[throwing] = seed[throwing]
-                near[arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
-                seed = inverse_kinematics(space, pick.place, turn, near.tolist(), held=True)
-            cleared = {"x": None, "y": None, "z": None, "turn": None}
-            picks.append(dataclasses.replace(pick, joints=tuple(seed.tolist()), **cleared))
-    mistakes.refuse()
+                seed = _joints_over(jobs, pick, pick.place, near)
+        except InputError as error:
+            mistakes += str(error.within(f"{jobs.name}: pick {number}")).splitlines()
+        picks.append(pick.changed(joints=tuple(seed.tolist()), x=None, y=None, z=None, turn=None))
+    if mistakes:
+        raise InputError(*mistakes)
     return dataclasses.replace(jobs, picks=tuple(picks))
+
+
+def _joints_over(jobs: Jobs, pick: Pick, place: tuple[float, float, float], near: Array) -> Array:
+    """Joints of a hand that points down at a place, near the throwing joints of `near`."""
+    (x, y, z), arm, scene = place, jobs.arm, jobs.scene_of(pick, jobs.bins_of(pick)[0])
+    azimuth = Pose(x=x, y=y, z=z).with_lateral(arm.lateral).plane.azimuth
+    near[arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
+    space, turn = SpatialScene(scene, make_manipulator(scene)), pick.turn
+    turn = azimuth if turn is None else turn
+    return inverse_kinematics(space, place, turn, near.tolist(), held=True)
 
 
 class _Throws:

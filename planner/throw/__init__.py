@@ -26,4 +26,4 @@ from .throw import (
     cup_entries,
     release_numbers,
 )
-from .transfer import Transfer, arm_excesses, gentle_transfer, transfer
+from .transfers import Transfer, arm_excesses, gentle_transfer, transfer
