@@ -441,7 +441,7 @@ INLINE void fly(const throw *t, const box *bar, const box *body, double reach, c
 {
     const scene *s = t->around;
     double far = reach + s->palm_clearance
-        + hypot(GREATER(fabs(body->first), fabs(body->last)), body->half);
+        + length(GREATER(fabs(body->first), fabs(body->last)), body->half);
     double before = r ? off_reference(t, r, t->detach) : 0.0;
     int64_t piece = 0;
     for (int64_t k = 0; k < FLIGHT_SAMPLES; k += LANES) {
@@ -710,7 +710,7 @@ CLONES EXPORT void measure(const throw *t, measured *m)
     const scene *s = t->around;
     const box bar = {-s->behind, s->ahead, s->half_width};
     const box body = {-s->palm_back, -s->palm_front, s->palm_half_width};
-    double reach = hypot(GREATER(s->behind, s->ahead), s->half_width);
+    double reach = length(GREATER(s->behind, s->ahead), s->half_width);
     const extreme far = {INFINITY, 0.0}, none = {0.0, 0.0};
     *m = (measured){largest_use(t), far, far, far, far, far, none, none, INFINITY, INFINITY, 0};
     carry(t, &bar, &body, reach, m);
@@ -738,7 +738,7 @@ INLINE void poses_at(const double *rows, int64_t count, int64_t first, pose *at)
 CLONES EXPORT void column_distances(const scene *s, int64_t count, const double *com, double *found)
 {
     const box bar = {-s->behind, s->ahead, s->half_width};
-    double reach = hypot(GREATER(s->behind, s->ahead), s->half_width);
+    double reach = length(GREATER(s->behind, s->ahead), s->half_width);
     for (int64_t k = 0; k < count; k += LANES) {
         pose at;
         lane distance;
@@ -790,7 +790,7 @@ CLONES EXPORT void measure_flights(const throw *shared, const reference *r, int6
         throw t = throw_of(shared, flights + k, &around);
         const box bar = {-around.behind, around.ahead, around.half_width};
         const box body = {-around.palm_back, -around.palm_front, around.palm_half_width};
-        double reach = hypot(GREATER(around.behind, around.ahead), around.half_width);
+        double reach = length(GREATER(around.behind, around.ahead), around.half_width);
         int near = 0;
         measured m;
         m.column_flown = m.palm = (extreme){INFINITY, 0.0};
