@@ -86,6 +86,15 @@ notebooks-executed: .venv/notebooks
 	-$(PIP) $(EDITABLE) '.[sim]' && $(PIP) --no-deps franka-sim
 	touch $@
 
+# An environment of its own with the oldest versions that pyproject.toml allows, but for the tests' own packages.
+.venv/oldest:
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet uv
+	$(BIN)/uv pip compile --quiet --resolution lowest-direct --only-binary :all: --no-annotate \
+		--output-file .venv/oldest.txt pyproject.toml
+	$(BIN)/pip install --quiet --constraint .venv/oldest.txt $(EDITABLE) '.[test]'
+	touch $@
+
 # Zig's compiler is a wheel on most platforms; without it the test of releases is skipped.
 .venv/wheels: .venv/run
 	-$(PIP) $(EDITABLE) '.[wheels]'
