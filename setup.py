@@ -37,6 +37,7 @@ SOURCES = sorted(str(path) for path in Path("core").glob("*.[ch]"))
 HASH = hashlib.sha256(b"".join(Path(path).read_bytes() for path in SOURCES)).hexdigest()
 NAME = "throwplan.core._core"
 
+
 def compiler() -> list[str]:
     """CC, or cc, gcc, clang; else the one of the package ziglang."""
     for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
