@@ -10,7 +10,7 @@ FILES := pyproject.toml constraints.txt $(wildcard *.py core/*.[ch] problems/*/*
 # Two processes; the tests of a file stay together, for the plans that they share.
 PYTEST := $(BIN)/pytest --numprocesses 2 --dist loadfile
 
-.PHONY: core run test verify report site extras pictures notebooks notebooks-executed clean
+.PHONY: core run test verify wheels report site extras pictures notebooks notebooks-executed clean
 
 run: .venv/run
 	$(BIN)/throwplan plan cup --out out/cup
@@ -25,8 +25,24 @@ test: .venv/test
 # What takes longer: notebooks executed, MuJoCo over many cases, sections of the report. The same hostile input each
 # time; `make verify SEED=2` looks for more.
 SEED ?= 1
-verify: .venv/test .venv/sim .venv/docs
+verify: .venv/test .venv/sim .venv/docs .venv/wheels
 	$(PYTEST) -m slow --hypothesis-seed=$(SEED)
+
+# What a release consists of, in dist/: the sources, and of them a wheel for each platform, whatever the Python. GCC
+# compiles for Linux on x86-64, where batches of throws run 1.7 times as fast by it, zig for the others.
+DIST ?= dist
+ZIG := $(abspath $(BIN))/python -m ziglang cc -s -target
+WHEEL = $(BIN)/pip wheel --quiet --disable-pip-version-check --no-cache-dir --no-build-isolation --no-deps \
+	--wheel-dir $(DIST) $(DIST)/*.tar.gz --config-settings=--build-option=--plat-name=
+wheels: .venv/wheels
+	rm -rf $(DIST)
+	$(BIN)/python setup.py --quiet sdist --dist-dir $(DIST)
+	CC=gcc $(WHEEL)manylinux_2_28_x86_64
+	CC="$(ZIG) aarch64-linux-gnu.2.28" $(WHEEL)manylinux_2_28_aarch64
+	CC="$(ZIG) aarch64-macos.11.0" $(WHEEL)macosx_11_0_arm64
+	CC="$(ZIG) x86_64-windows-gnu" $(WHEEL)win_amd64
+	$(BIN)/twine --no-color check --strict $(DIST)/*
+	for wheel in $(DIST)/*manylinux*; do $(BIN)/auditwheel show $$wheel; done
 
 # Error against run time, stability, reach and robustness, measured anew into docs/report: two hours.
 report: .venv/run
@@ -81,9 +97,23 @@ notebooks-executed: .venv/notebooks
 	$(PIP) --no-compile $(EDITABLE) '.[docs]'
 	touch $@
 
+# An environment of its own with the oldest versions that pyproject.toml allows, but for the tests' own packages.
+.venv/oldest:
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet uv
+	$(BIN)/uv pip compile --quiet --resolution lowest-direct --only-binary :all: --no-annotate \
+		--output-file .venv/oldest.txt pyproject.toml
+	$(BIN)/pip install --quiet --constraint .venv/oldest.txt $(EDITABLE) '.[test]'
+	touch $@
+
+# Zig's compiler is a wheel on most platforms; without it the test of releases is skipped.
+.venv/wheels: .venv/run
+	-$(PIP) $(EDITABLE) '.[wheels]'
+	touch $@
+
 .venv/notebooks: .venv/run
 	$(PIP) $(EDITABLE) '.[notebooks]'
 	touch $@
 
 clean:
-	rm -rf .venv build out *.egg-info
+	rm -rf .venv build dist out *.egg-info

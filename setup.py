@@ -36,7 +36,6 @@ FLAGS = [
 SOURCES = sorted(str(path) for path in Path("core").glob("*.[ch]"))
 HASH = hashlib.sha256(b"".join(Path(path).read_bytes() for path in SOURCES)).hexdigest()
 NAME = "throwplan.core._core"
-SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
 def compiler() -> list[str]:
@@ -53,16 +52,21 @@ def compiler() -> list[str]:
 class BuildCore(build_ext):
     """It knows nothing of Python, so it is no extension module and has no Python's name."""
 
+    def is_for(self, system: str) -> bool:
+        """Whether for `win` or `mac`: a wheel's --plat-name, with a CC that compiles for it."""
+        return self.get_finalized_command("bdist_wheel").plat_name.startswith(system)
+
     def get_ext_filename(self, fullname: str) -> str:
         """A library's name."""
-        return os.path.join(*fullname.split(".")) + SUFFIX
+        suffix = ".dll" if self.is_for("win") else ".dylib" if self.is_for("mac") else ".so"
+        return os.path.join(*fullname.split(".")) + suffix
 
     def build_extension(self, ext: Extension) -> None:
         """One call of the compiler."""
         target = Path(self.get_ext_fullpath(ext.name))
         target.parent.mkdir(parents=True, exist_ok=True)
         macro = f'-DCORE_SOURCES="{HASH}"'
-        pic = [] if sys.platform == "win32" else ["-fPIC", "-lm"]
+        pic = [] if self.is_for("win") else ["-fPIC", "-lm"]
         command = [*compiler(), *FLAGS, macro, *ext.sources, "-o", str(target), *pic]
         done = subprocess.run(command, check=False)
         if done.returncode:

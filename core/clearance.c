@@ -32,12 +32,6 @@ static double dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* hypot takes longer, against overflow. */
-static double length(double x, double y)
-{
-    return sqrt(x * x + y * y);
-}
-
 static double clipped(double v, double low, double high)
 {
     return v < low ? low : v > high ? high : v;

@@ -61,7 +61,7 @@ typedef struct {
 INLINE object object_of(const scene *s)
 {
     object o = {{-s->behind, s->ahead, s->half_width}, s->parts, s->outline,
-                hypot(GREATER(s->behind, s->ahead), s->half_width)};
+                length(GREATER(s->behind, s->ahead), s->half_width)};
     return o;
 }
 
@@ -75,7 +75,7 @@ INLINE double part_of(const object *o, const pose *at, int64_t k, box *part, pos
         return 0.0;
     }
     const double *c = o->outline + 5 * k;
-    double along = c[2] - c[0], across = c[3] - c[1], size = hypot(along, across);
+    double along = c[2] - c[0], across = c[3] - c[1], size = length(along, across);
     double cosine = size > 0.0 ? along / size : 1.0, sine = size > 0.0 ? across / size : 0.0;
     double x = (c[0] + c[2]) / 2.0 + o->bar.first, z = (c[1] + c[3]) / 2.0;
     *part = (box){-size / 2.0, size / 2.0, 0.0};
@@ -494,7 +494,7 @@ INLINE void fly(const throw *t, const object *o, const box *body, const referenc
 {
     const scene *s = t->around;
     double far = o->reach + s->palm_clearance
-        + hypot(GREATER(fabs(body->first), fabs(body->last)), body->half);
+        + length(GREATER(fabs(body->first), fabs(body->last)), body->half);
     double before = r ? off_reference(t, r, t->detach) : 0.0;
     int64_t piece = 0;
     for (int64_t k = 0; k < FLIGHT_SAMPLES; k += LANES) {

@@ -133,7 +133,7 @@ def _in_file_unit(value: Any, degrees: bool) -> Any:
 
 def _coerce(value: Any, hint: Any) -> Any:
     """`value` as type `hint`; TypeError for another type, ValueError for another length."""
-    origin, parts = typing.get_origin(hint), typing.get_args(hint)
+    origin, parts = _parts(hint)
     if hint is npt.ArrayLike or origin is np.ndarray:
         kind = float if hint is npt.ArrayLike else typing.get_args(parts[1])[0]
         array = np.asarray(value)
@@ -162,6 +162,13 @@ def _coerce(value: Any, hint: Any) -> Any:
     return value
 
 
+def _parts(hint: Any) -> tuple[Any, tuple[Any, ...]]:
+    """An annotation's origin and arguments; from NumPy 2.5 on those of arrays are aliases."""
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    value = getattr(origin, "__value__", None)
+    return (origin, args) if value is None else _parts(value[args])
+
+
 def _number(value: Any, hint: type) -> Any:
     """A number, a whole one as float where `hint` is."""
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -186,7 +193,7 @@ def _is_of(value: Any, hint: Any) -> bool:
 
 def _describe(hint: Any) -> str:
     """The name of a type in messages."""
-    args, origin = typing.get_args(hint), typing.get_origin(hint)
+    origin, args = _parts(hint)
     if hint is npt.ArrayLike or origin is np.ndarray:
         return "numbers"
     if origin in UNIONS:

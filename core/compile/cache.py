@@ -151,8 +151,11 @@ def kept(path: Path) -> bytes | None:
 
 
 def only_ours(path: Path) -> bool:
-    """Whether it is a file or folder, no pipe or device, that this user alone can write."""
+    """Whether it is a file or folder, no pipe or device, that this user alone can write.
+
+    Windows knows no such bits: all that one may write has them. Profiles there are the user's own.
+    """
     known = path.stat()
-    own = not hasattr(os, "getuid") or known.st_uid == os.getuid()
-    plain = stat.S_ISREG(known.st_mode) or stat.S_ISDIR(known.st_mode)
-    return own and plain and not known.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    shared = stat.S_IWGRP | stat.S_IWOTH
+    own = os.name != "posix" or (known.st_uid == os.getuid() and not known.st_mode & shared)
+    return own and (stat.S_ISREG(known.st_mode) or stat.S_ISDIR(known.st_mode))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
 import subprocess
 import sys
+import tarfile
 import types
 import typing
 import zipfile
@@ -115,24 +117,79 @@ def test_an_extra_that_is_not_there_is_named(
     assert f"pip install {package}" in said and not list(tmp_path.iterdir())
 
 
+def run(*command: object, cwd: Path = ROOT) -> str:
+    done = subprocess.run(
+        [*map(str, command)], cwd=cwd, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> Path:
-    folder, copy = tmp_path_factory.mktemp("wheel"), tmp_path_factory.mktemp("source") / "throwplan"
-    # The copy keeps the build from writing into the checkout.
-    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
-    listing = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    for name in listing.stdout.split():
+def source(tmp_path_factory) -> Path:
+    """A copy, which keeps builds from writing into the checkout."""
+    copy = tmp_path_factory.mktemp("source") / "throwplan"
+    for name in run("git", "ls-files", "--cached", "--others", "--exclude-standard").split():
         if (ROOT / name).is_file():
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
             (copy / name).write_bytes((ROOT / name).read_bytes())
-    # By way of the source distribution, which must have all that a wheel is built from.
-    command = [sys.executable, "setup.py", "--quiet", "sdist", "--dist-dir", str(folder)]
-    subprocess.run(command, cwd=copy, check=True, capture_output=True)
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", str(folder)]
-    command += ["--no-build-isolation", "--disable-pip-version-check"]
-    command.append(str(next(folder.glob("*.tar.gz"))))
-    subprocess.run(command, check=True, capture_output=True)
+    return copy
+
+
+@pytest.fixture(scope="module")
+def wheel(source, tmp_path_factory) -> Path:
+    """By way of the source distribution, which must have all that a wheel is built from."""
+    folder = tmp_path_factory.mktemp("wheel")
+    run(sys.executable, "setup.py", "--quiet", "sdist", "--dist-dir", folder, cwd=source)
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", folder]
+    run(*command, "--no-build-isolation", "--disable-pip-version-check", *folder.glob("*.gz"))
     return next(folder.glob("*.whl"))
+
+
+def system_of(library: bytes) -> tuple[str, int]:
+    """Format of a shared library, and the number of its processor there."""
+    if library[:4] == b"\x7fELF":
+        return "ELF", int.from_bytes(library[18:20], "little")
+    if library[:4] == b"\xcf\xfa\xed\xfe":
+        return "Mach-O", int.from_bytes(library[4:8], "little")
+    header = int.from_bytes(library[60:64], "little")
+    assert library[:2] == b"MZ" and library[header : header + 4] == b"PE\0\0"
+    return "PE", int.from_bytes(library[header + 4 : header + 6], "little")
+
+
+@pytest.mark.slow
+def test_release_has_a_core_for_each_platform(source, tmp_path) -> None:
+    """Without zig, which compiles for all of them, there is none."""
+    pytest.importorskip("ziglang")
+    tools = Path(sys.executable).parent
+    told = run(
+        "make", "-o", ".venv/wheels", "wheels", f"BIN={tools}", f"DIST={tmp_path}", cwd=source
+    )
+    # What auditwheel finds that they need of glibc.
+    needed = [int(minor) for minor in re.findall(r'"manylinux_2_(\d+)_\w+"\.', told)]
+    assert len(needed) >= 2 and max(needed) <= 28
+    sources = (path.read_bytes() for path in sorted((source / "core").glob("*.[ch]")))
+    hashed = hashlib.sha256(b"".join(sources)).hexdigest()
+    kinds = {
+        "manylinux_2_28_x86_64": ("_core.so", "ELF", 62),
+        "manylinux_2_28_aarch64": ("_core.so", "ELF", 183),
+        "macosx_11_0_arm64": ("_core.dylib", "Mach-O", 0x0100000C),
+        "win_amd64": ("_core.dll", "PE", 0x8664),
+    }
+    for platform, (name, *kind) in kinds.items():
+        with zipfile.ZipFile(next(tmp_path.glob(f"throwplan-*-py3-none-{platform}.whl"))) as wheel:
+            cores = [n for n in wheel.namelist() if "/_core." in n]
+            assert cores == [f"throwplan/core/{name}"]
+            library = wheel.read(cores[0])
+        assert [*system_of(library)] == kind and hashed.encode() in library
+    (archive,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(archive) as files:
+        kept = {name.partition("/")[2] for name in files.getnames()}
+    assert {
+        str(path.relative_to(source))
+        for path in source.rglob("*")
+        if path.is_file() and not str(path.relative_to(source)).startswith((".", "build"))
+    } <= kept
 
 
 @pytest.mark.slow
