@@ -44,5 +44,5 @@ def cycle(options: argparse.Namespace) -> int:
     if not found.solved:
         print_result(options, table, f"{jobs.name}: not solved")
         return fail(found.message)
-    print_result(options, table, found.summary() + written(options))
+    print_result(options, table, f"{found.summary()}\n  {placing.words}{written(options)}")
     return DONE
