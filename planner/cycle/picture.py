@@ -54,7 +54,8 @@ def _draw_times(axes: Axes, cycle: Cycle) -> None:
     axes.set_yticks(range(len(labels)), labels, fontsize=8)
     for name, colour in COLOURS.items():
         axes.barh(0, 0.0, color=colour, label=name)
-    axes.legend(fontsize=7, ncols=len(COLOURS), loc="upper left", bbox_to_anchor=(0.0, -0.1))
+    # The first objects leave the upper right corner free.
+    axes.legend(fontsize=7, loc="upper right")
     axes.invert_yaxis()
     axes.grid(axis="x", alpha=0.3, lw=0.6, zorder=0)
     axes.set(xlim=(0.0, cycle.duration), xlabel="time [s]")
@@ -66,17 +67,22 @@ def _draw_floor(axes: Axes, cycle: Cycle) -> None:
     spatial = cycle.steps[0].space.spatial
     x, y, _ = spatial.pads(q, 0.0 * q, 0.0 * q).pose[:, :3, 3].T
     axes.plot(x, y, color=GREY, lw=0.8, zorder=2, label="pads")
+    bins = dict[str, tuple[float, float]]()
     for step, throw in zip(cycle.steps, cycle.throws, strict=True):
         times = np.linspace(0.0, throw.landing.flight_time, 20)
         flown = throw.flight(times)
         points = throw.target.plane.points(flown[0], flown[1])
         axes.plot(points[:, 0], points[:, 1], color=GREEN, lw=1.2, zorder=3)
         axes.plot(*points[-1, :2], "o", color=BLACK, ms=5, zorder=4)
-        at = float(points[-1, 0]), float(points[-1, 1])
-        axes.annotate(step.bin, at, xytext=(5, 5), textcoords="offset points", size=7)
+        bins[step.bin] = float(points[-1, 0]), float(points[-1, 1])
         k = step.reach // 5
         axes.plot(x[k], y[k], "s", color=TEAL, ms=5, zorder=4)
-        axes.annotate(step.pick, (x[k], y[k]), xytext=(5, 5), textcoords="offset points", size=7)
+        place = float(x[k]), float(y[k])
+        axes.annotate(
+            step.pick, place, xytext=(0, -10), textcoords="offset points", ha="center", size=6
+        )
+    for name, place in bins.items():
+        axes.annotate(name, place, xytext=(5, 5), textcoords="offset points", size=7)
     axes.plot(0.0, 0.0, "^", color=BLACK, ms=8, zorder=4)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.margins(0.12)
