@@ -13,7 +13,7 @@ from ..models.robot import Arm
 from .checks import InputError, Mistakes, check_arguments, within
 from .files import read_text, shipped, toml_tables
 from .scene import Scene
-from .scene_files import load_scene, scene_from_table, scene_names
+from .scene_files import load_scene, scene_from_table
 from .section import Section, from_table, optional, quantity
 from .targets import Cost
 
@@ -51,7 +51,7 @@ class Pick(Section):
     z: float | None = optional("m", unit="m")
     turn: float | None = optional(
         "degrees, of the hand about the vertical, with x, y and z; 0: the pads' plane is that of a "
-        "throw along x; left out: any",
+        "throw along x; left out: of a throw over that place",
         degrees=True,
     )
     grasp_time: float = quantity(
@@ -242,7 +242,7 @@ def jobs_from(tables: Mapping[str, Any], name: str, folder: Path | None = None) 
 
 def _base(name: str, folder: Path | None) -> tuple[dict[str, Any], Arm]:
     """The scene's tables without target, cup and start, and its arm."""
-    path = name if name in scene_names() or folder is None else folder / name
+    path = folder / name if folder is not None and name.endswith(".toml") else name
     with within(f"scene = {name!r}"):
         scene = load_scene(path)
         if scene.robot is None or scene.arm is None:

@@ -24,7 +24,7 @@ from .edges import CycleThrow, Edge, Option, by_raised, option_of, rows_of, stat
 #: Shares of the time until the pads may open at which the throwing joints may join the swing.
 JOINS = (0.0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7)
 #: Shares of the limits on velocity, and on acceleration and jerk, until then.
-SHARES = ((1.0, 1.0), (0.85, 1.0), (0.85, 0.7), (0.7, 0.5))
+SHARES = ((1.0, 1.0), (0.85, 1.0), (0.85, 0.7), (0.7, 0.5), (0.5, 0.3), (0.35, 0.2), (0.25, 0.1))
 #: Speeds of the stretched part as shares of the swing's, shares of the time until the pads may open
 #: at which it ends, and time [samples] in which the speed rises to the swing's.
 SPEEDS = (1.0, 0.97, 0.94, 0.91, 0.88, 0.85, 0.8, 0.75, 0.7, 0.6, 0.5, 0.35)
@@ -85,11 +85,13 @@ class _Entrance:
         return self.one.samples
 
     def _swings(self) -> list[Samples]:
-        """The swing from its start, and the fastest that joins it later; throwing joints only.
+        """The fastest swings allowed in the throw's plane, one of them from the throw's own start;
+        the throwing joints only.
 
         Until the last sample at which the pads are closed.
         """
-        throw, start, found = self._throw, _of(self.pick, self.throwing), list[Samples]()
+        throw, start = self._throw, _of(self.pick, self.throwing)
+        found, early = list[Samples](), list[Samples]()
         for share, (velocity, acceleration) in itertools.product(JOINS, SHARES):
             k = round(share * self.opens)
             joining = transfer(
@@ -99,13 +101,10 @@ class _Entrance:
                 rest = (v[k + 1 : self.opens + 1, self.throwing] for v in rows_of(throw))
                 parts = zip(rows_of(joining.samples), rest, strict=True)
                 found.append(Samples(*(np.vstack(pair) for pair in parts)))
-        whole = found[0]
-        for swing in sorted(found, key=lambda swing: len(swing.q)):
-            if len(swing.q) >= len(whole.q):
-                break
-            if self._holds(swing):
-                return [swing, whole]
-        return [whole]
+                early += found[-1:] if k == 0 else []
+        ways = (sorted(some, key=lambda swing: len(swing.q)) for some in (found, early))
+        fastest = (next(filter(self._holds, way), None) for way in ways)
+        return [swing for swing in fastest if swing is not None]
 
     def _holds(self, swing: Samples) -> bool:
         """Whether a swing in the throw's plane is allowed."""
@@ -118,8 +117,8 @@ class _Entrance:
     def _samples(self, swing: Samples, wait: int, turn: int) -> Samples:
         """All joints: the throwing ones wait and swing, the others turn in `turn` samples."""
         if turn not in self._turned:
-            ends = (_of(state, self.aside) for state in (self.pick, state_at(self._throw, 0)))
-            self._turned[turn] = gentle_transfer(self.aside_limits, *ends, turn)
+            start, goal = _of(self.pick, self.aside), _of(state_at(self._throw, 0), self.aside)
+            self._turned[turn] = gentle_transfer(self.aside_limits, start, goal, turn)
         turned = self._turned[turn]
         assert turned is not None
         rows = np.zeros((3, wait + len(swing.q), len(self.pick.q)))

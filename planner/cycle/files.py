@@ -100,9 +100,8 @@ def _step(entry: dict[str, Any], arm: dict[str, Any]) -> Step:
     moments = [int(k) for k in entry["samples"]]
     if len(moments) != len(MOMENTS) or scene.robot is None or scene.target is None:
         raise ValueError("samples")
-    reach, held, join, free = moments
-    names, opening = (str(entry["pick"]), str(entry["bin"])), float(entry["opening_time"])
-    return Step(*names, scene, reach, held, join, free, opening)
+    times = dict(zip(MOMENTS, moments, strict=True)), float(entry["opening_time"])
+    return Step(str(entry["pick"]), str(entry["bin"]), scene, **times[0], opening_time=times[1])
 
 
 def _samples(path: Path, joints: int) -> Samples:

@@ -102,11 +102,12 @@ class _Reach:
         low, high = np.array(limits.position_min), np.array(limits.position_max)
         inset = np.minimum(self.margin, (high - low) / 2)
         low, high = low + inset, high - inset
-        function, turn = _residual(self.arm, self.turn is None), self.turn or 0.0
+        function = _residual(self.arm, self.turn is None)
         q = np.clip(start, low, high)
         for _ in range(STEPS):
-            found = function(q, self.place, turn, self.angle)
-            residual, slope, facing = (np.array(part) for part in found)
+            residual, slope, facing = (
+                np.array(part) for part in function(q, self.place, self.turn or 0.0, self.angle)
+            )
             off = residual.ravel()
             if np.abs(off).max() < CLOSE:
                 # The residual is also zero with axes reversed.

@@ -72,13 +72,8 @@ def _draw_floor(axes: Axes, cycle: Cycle) -> None:
         points = throw.target.plane.points(flown[0], flown[1])
         axes.plot(points[:, 0], points[:, 1], color=GREEN, lw=1.2, zorder=3)
         axes.plot(*points[-1, :2], "o", color=BLACK, ms=5, zorder=4)
-        axes.annotate(
-            step.bin,
-            (points[-1, 0], points[-1, 1]),
-            xytext=(5, 5),
-            textcoords="offset points",
-            size=7,
-        )
+        at = float(points[-1, 0]), float(points[-1, 1])
+        axes.annotate(step.bin, at, xytext=(5, 5), textcoords="offset points", size=7)
         k = step.reach // 5
         axes.plot(x[k], y[k], "s", color=TEAL, ms=5, zorder=4)
         axes.annotate(step.pick, (x[k], y[k]), xytext=(5, 5), textcoords="offset points", size=7)

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from ...models import Array
 from ...problems import InputError, Jobs, Pick, Pose, Scene, check_arguments
-from ...problems.checks import Mistakes, within
 from ..clearance import SpatialScene
 from ..planner import Planner
 from ..result import Plan
@@ -70,26 +70,39 @@ def plan_cycle(
 def with_joints(jobs: Jobs) -> Jobs:
     """The jobs with all joints of each pick; InputError for a hand pose that the arm cannot take.
 
-    Of the solutions of a hand pose the one next to the pick before is taken.
+    Of the solutions of a hand pose the one next to the posture of throws over it is taken, whose
+    plane the hand is in if its turn is left open.
     """
     if all(pick.joints is not None for pick in jobs.picks):
         return jobs
-    arm, picks, mistakes = jobs.arm, list[Pick](), Mistakes()
+    arm, picks, mistakes = jobs.arm, list[Pick](), list[str]()
     middle = (np.array(arm.limits.position_min) + np.array(arm.limits.position_max)) / 2
     seed, throwing = np.array(arm.posture), np.array(arm.throwing_joints) - 1
     seed[throwing] = middle[throwing]
     for number, pick in enumerate(jobs.picks, start=1):
-        with mistakes.kept(), within(f"{jobs.name}: pick {number}"):
+        try:
             if pick.joints is not None:
                 seed = np.array(pick.joints)
             elif pick.place is not None:
-                scene = jobs.scene_of(pick, jobs.bins_of(pick)[0])
-                space = SpatialScene(scene, make_manipulator(scene))
-                seed = inverse_kinematics(space, pick.place, pick.turn, seed.tolist(), held=True)
-            cleared = {"x": None, "y": None, "z": None, "turn": None}
-            picks.append(dataclasses.replace(pick, joints=tuple(seed.tolist()), **cleared))
-    mistakes.refuse()
+                near = np.array(arm.posture)
+                near[throwing] = seed[throwing]
+                seed = _joints_over(jobs, pick, pick.place, near)
+        except InputError as error:
+            mistakes += str(error.within(f"{jobs.name}: pick {number}")).splitlines()
+        picks.append(pick.changed(joints=tuple(seed.tolist()), x=None, y=None, z=None, turn=None))
+    if mistakes:
+        raise InputError(*mistakes)
     return dataclasses.replace(jobs, picks=tuple(picks))
+
+
+def _joints_over(jobs: Jobs, pick: Pick, place: tuple[float, float, float], near: Array) -> Array:
+    """Joints of a hand that points down at a place, near the throwing joints of `near`."""
+    (x, y, z), arm, scene = place, jobs.arm, jobs.scene_of(pick, jobs.bins_of(pick)[0])
+    azimuth = Pose(x=x, y=y, z=z).with_lateral(arm.lateral).plane.azimuth
+    near[arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
+    space, turn = SpatialScene(scene, make_manipulator(scene)), pick.turn
+    turn = azimuth if turn is None else turn
+    return inverse_kinematics(space, place, turn, near.tolist(), held=True)
 
 
 class _Throws:
@@ -126,14 +139,19 @@ class _Throws:
             self.trouble = self.trouble or reasons[0]
 
     def _planned(self, scene: Scene, target: Pose, start: State, warm: Plan | None = None) -> Plan:
-        """The throw to a target, as if that were at rest."""
+        """The throw to a target, as if that were at rest.
+
+        From the start or, if that finds none, from a start pose that is free.
+        """
         goal = target.changed(velocity=None, since=0.0)
         scene = scene.aimed_at(goal)
         for known, state, plan in self._plans:
             if known == scene and np.abs(state.q - start.q).max() < ALIKE:
                 return plan
-        planner = self._planner(scene)
-        plan = planner.plan(goal, start=start, warm=warm, patience=self._patience)
+        planner, patience = self._planner(scene), self._patience / 2
+        plan = planner.plan(goal, start=start, warm=warm, patience=patience)
+        if not plan.solved:
+            plan = planner.plan(goal, patience=patience)
         self._plans.append((scene, start, plan))
         return plan
 
