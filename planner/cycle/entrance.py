@@ -145,8 +145,10 @@ def _stretched(swing: Samples, speed: float, end: int) -> Samples | None:
         return swing
     # A clock that rises halfway on average; whole samples, so that the rest stays as it is.
     ticks = math.ceil((end - (1.0 + speed) * RISE / 2) / speed) + RISE
+    if ticks <= RISE:
+        return None
     speed = (end - RISE / 2) / (ticks - RISE / 2)
-    if ticks <= RISE or not 0.0 < speed < 1.0:
+    if not 0.0 < speed < 1.0:
         return None
     t = np.arange(ticks, dtype=np.float64)
     u = np.clip((t - (ticks - RISE)) / RISE, 0.0, 1.0)
