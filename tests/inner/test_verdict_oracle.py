@@ -11,9 +11,17 @@ import pytest
 import throwplan as tp
 from throwplan.planner.throw import Throw
 from throwplan.planner.verdict import Code, Finding, verdict
-from throwplan.problems import Landing, Obstacle, Scene, Torque, Workspace
+from throwplan.problems import (
+    Distribution,
+    Landing,
+    Obstacle,
+    Scene,
+    Torque,
+    Uncertainty,
+    Workspace,
+)
 
-from oracle import Oracle, read_oracle
+from oracle import Oracle, read_oracle, read_rows
 
 SCENES = ["pose", "near-cup", "box", "flip", "fr3", "gen3", "hand-flip"]
 #: Changes of each plan that are judged.
@@ -143,3 +151,21 @@ def test_verdicts_on_an_outline_are_the_oracles(tmp_path) -> None:
     seen = codes_of(plan.throw.deciding, read_oracle(tmp_path), 1, 4 * CHANGES)
     # With its head the hammer meets what a bar does not: each kind of distance occurs.
     assert {Code.COLLISION, Code.FLOOR, Code.COLUMN, Code.PALM, Code.CUP_WALL} <= seen
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["hammer", "bottle"])
+def test_each_throw_of_an_outline_succeeds_where_the_oracle_says(name: str, tmp_path) -> None:
+    scene = tp.load_scene(Path(__file__).parents[2] / "examples" / "objects" / f"{name}.toml")
+    spread = {"delay": 0.012, "com_offset": 0.01, "grasp_angle": 0.15, "grasp_offset": 0.004}
+    errors = {key: Distribution(normal=value) for key, value in spread.items()}
+    plan = tp.plan(scene.replace(uncertainty=Uncertainty(**errors)))
+    assert plan.status == "solved", plan.message
+    plan.save(tmp_path, draw=False)
+    tp.sweep(plan, samples=300).save(tmp_path / "sweep")
+    rows, found = read_rows(tmp_path)
+    judged, success = read_oracle(tmp_path).judge(rows), found["success"] > 0
+    # Throws fail and succeed, and the oracle is sure of most.
+    assert 0.2 < success.mean() < 0.95
+    assert judged.sure.mean() > 0.95
+    np.testing.assert_array_equal(success[judged.sure], judged.success[judged.sure])
