@@ -8,7 +8,14 @@ from pathlib import Path
 
 from ...problems import InputError
 from ...problems.files import filling
-from ...problems.meshes import Choices, MeshObject, object_from, object_text, read_mesh, stl_bytes
+from ...problems.meshes import (
+    MeshChoices,
+    MeshObject,
+    object_from,
+    object_text,
+    read_mesh,
+    stl_bytes,
+)
 from .common import DONE, Add, Progress, number, print_result
 
 #: Units of a mesh's lengths in m.
@@ -52,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         if path.exists() and not options.force:
             raise InputError(f"{path}: exists; --force overwrites it")
     axis, across = (v if v is None else tuple(v) for v in (options.axis, options.across))
-    choices = Choices(
+    choices = MeshChoices(
         tuple(options.grasp),
         options.mass,
         options.density,

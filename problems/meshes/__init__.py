@@ -4,6 +4,6 @@
 object's own frame, are read without it.
 """
 
-from .body import Choices, MeshObject, object_from, object_text, read_mesh
+from .body import MeshChoices, MeshObject, object_from, object_text, read_mesh
 from .capsules import mesh_parts
 from .stl import read_stl, stl_bytes

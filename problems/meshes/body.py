@@ -32,7 +32,7 @@ PLACES = 5
 
 
 @dataclass(frozen=True)
-class Choices:
+class MeshChoices:
     """What a mesh does not say. Points and directions are in the mesh's frame, points in its unit.
 
     grasp: the pads' centre; mass [kg] or density [kg/m³]: one of them; axis: direction in which the
@@ -95,7 +95,7 @@ def read_mesh(file: Path) -> Any:
     return mesh
 
 
-def object_from(mesh: Any, choices: Choices) -> MeshObject:
+def object_from(mesh: Any, choices: MeshChoices) -> MeshObject:
     """The object of a watertight mesh of uniform density.
 
     InputError for sizes that nothing thrown has, and for what a planar throw cannot have: a CoM
@@ -169,7 +169,7 @@ def _outline(capsules: list[Capsule]) -> tuple[float, float, tuple[OutlinePart, 
     return first, last, tuple(parts)
 
 
-def _axes(mesh: Any, towards: Array, choices: Choices) -> tuple[Array, float]:
+def _axes(mesh: Any, towards: Array, choices: MeshChoices) -> tuple[Array, float]:
     """The object's frame: rows along, across the throw's plane (to its left), and up; and the angle
     [rad] of the object's axis against the hand's approach axis.
 
