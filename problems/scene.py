@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import math
 import textwrap
 import typing
@@ -381,7 +382,7 @@ TOP_KEYS = ("name", "description", "gravity")
 
 def _document_sections() -> None:
     """Every section and its keys with their units, for ``help(Scene)``."""
-    lines = ["", "    Sections, and what each holds:", ""]
+    lines = ["", "Sections, and what each holds:", ""]
     for name, hint in hints_of(Scene).items():
         kind, several = part_of(hint)
         if kind is None or not issubclass(kind, Section):
@@ -392,8 +393,8 @@ def _document_sections() -> None:
             if "meaning" in field.metadata
         )
         words = f"{name}: {'several of ' if several else ''}{name.capitalize()}({keys})"
-        lines += textwrap.wrap(words, 96, initial_indent="    ", subsequent_indent="        ")
-    Scene.__doc__ = "\n".join([(Scene.__doc__ or "").rstrip(), *lines, "    "])
+        lines += textwrap.wrap(words, 92, subsequent_indent="    ")
+    Scene.__doc__ = "\n".join([inspect.cleandoc(Scene.__doc__ or ""), *lines])
 
 
 _document_sections()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import math
 import re
 import types
@@ -58,11 +59,12 @@ class Section:
 
     def __init_subclass__(cls) -> None:
         """Adds the fields' meanings to the docstring; angles in Python are in radians."""
-        words = [(cls.__doc__ or "").rstrip(), ""]
+        # Python 3.13 takes the indentation off, older ones leave it.
+        words = [inspect.cleandoc(cls.__doc__ or ""), ""]
         for name, field in vars(cls).items():
             if isinstance(field, dataclasses.Field) and "meaning" in field.metadata:
                 words.append(f"{name}: {re.sub('^degrees', 'radians', field.metadata['meaning'])}")
-        cls.__doc__ = "\n    ".join(words)
+        cls.__doc__ = "\n".join(words)
 
     def __post_init__(self) -> None:
         hints, mistakes = hints_of(type(self)), Mistakes()

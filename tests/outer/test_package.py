@@ -41,7 +41,7 @@ def test_sections_of_a_scene_are_classes_under_their_names() -> None:
     reference = (ROOT / "docs" / "scene-reference.md").read_text("utf-8").partition("\n# Arm")[0]
     for name in re.findall(r"^## \[(\w+)\]", reference, re.M):
         assert getattr(tp, name.capitalize()) in (kinds[name], *typing.get_args(kinds[name]))
-        assert f"\n    {name}: " in (tp.Scene.__doc__ or "")
+        assert f"\n{name}: " in (tp.Scene.__doc__ or "")
     built = tp.load_scene("pose")
     scene = tp.Scene(
         name="pose",
