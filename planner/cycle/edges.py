@@ -171,7 +171,8 @@ class Edge:
             ]
 
 
-def _direct(space: SpatialScene, start: State, goal: State) -> Iterator[Transfer]:
+def direct(space: SpatialScene, start: State, goal: State) -> Iterator[Transfer]:
+    """Motions of all joints between two states, the fastest first."""
     limits = joint_limits(space.kinematics.arm, range(1, space.kinematics.arm.joints + 1))
     for velocity, acceleration in SHARES:
         found = transfer(limits, start, goal, velocity, acceleration)
@@ -191,7 +192,7 @@ def by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple[
     """Motions by a raised pose, where they stop."""
     rest = start if not start.dq.any() else goal
     middle = _raised_pose(space, rest.q)
-    ways = (list(_direct(space, *ends)) for ends in ((start, middle), (middle, goal)))
+    ways = (list(direct(space, *ends)) for ends in ((start, middle), (middle, goal)))
     yield from itertools.product(*ways)
 
 
@@ -204,7 +205,7 @@ def option_of(parts: tuple[Transfer, ...], after: int = 0, join: int = 0) -> Opt
 def rest_edge(space: SpatialScene, start: State, goal: State, *, held: bool) -> Edge:
     """From rest to rest."""
     return Edge(
-        (option_of((found,)) for found in _direct(space, start, goal)),
+        (option_of((found,)) for found in direct(space, start, goal)),
         lambda: map(option_of, by_raised(space, start, goal)),
         lambda found: first_finding(space, found.samples, held=held),
     )
@@ -225,7 +226,7 @@ def leave_edge(one: CycleThrow, goal: State) -> Edge:
         return broken or next(iter(flown), None)
 
     return Edge(
-        (option_of((found,)) for found in _direct(one.space, start, goal)),
+        (option_of((found,)) for found in direct(one.space, start, goal)),
         lambda: map(option_of, by_raised(one.space, start, goal)),
         judge,
     )

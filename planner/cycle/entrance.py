@@ -19,7 +19,7 @@ import numpy as np
 from ...models import Indices
 from ..throw import TICK, Samples, State, Transfer, gentle_transfer, joint_limits, transfer
 from ..verdict import first_finding
-from .edges import CycleThrow, Edge, Option, by_raised, option_of, rows_of, state_at
+from .edges import CycleThrow, Edge, Option, by_raised, direct, option_of, rows_of, state_at
 
 #: Shares of the time until the pads may open at which the throwing joints may join the swing.
 JOINS = (0.0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7)
@@ -130,7 +130,10 @@ class _Entrance:
         return Samples(*rows)
 
     def raised(self) -> Iterator[Option]:
-        """Motions by a raised pose, joining the swing at its start or in its middle."""
+        """Motions to rest at the swing's start, or by a raised pose, joining the swing at its start
+        or in its middle."""
+        for slow in direct(self.one.space, self.pick, state_at(self._throw, 0)):
+            yield option_of((slow,), self.one.free)
         for k in (0, self.opens // 2):
             for parts in by_raised(self.one.space, self.pick, state_at(self._throw, k)):
                 yield option_of(parts, self.one.free - k, k)
