@@ -12,6 +12,7 @@ import numpy as np
 from ..models.release import DECIDING
 from ..models.robot import Solid, about_z
 from .checks import InputError
+from .grip import ThrownObject
 from .poses import Pose
 from .section import Section, optional, quantity
 
@@ -91,6 +92,14 @@ class Cup(Section):
             raise InputError(
                 f"insertion = {self.insertion:g}: must be at most the depth {self.depth:g}"
             )
+
+    def radius_for(self, thing: ThrownObject) -> float:
+        """Inner radius [m] where the object is.
+
+        A bar is as thick as it is wide, so a round cup is narrower off its middle. Capsules are
+        round, and nearest to it in the middle.
+        """
+        return self.radius if thing.outline else math.sqrt(self.radius**2 - (thing.width / 2) ** 2)
 
     def why_outside(self, off: float, depth: float, error: float) -> str:
         """Why an end is not in the cup: `off` [m] its middle, `depth` [m] below its rim, each to

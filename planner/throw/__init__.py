@@ -24,7 +24,6 @@ from .throw import (
     case_of,
     column_of,
     cup_entries,
-    cup_radius,
     release_numbers,
 )
 from .transfers import Transfer, arm_excesses, gentle_transfer, transfer

@@ -359,19 +359,8 @@ def core_scene(scene: Scene, hand_error: float) -> SceneC:
             found.tool_length = tool.tcp
     if cup is not None:
         found.cup_x, found.cup_rim, found.cup_insertion = cup.x, cup.rim, cup.insertion
-        found.cup_radius = cup_radius(scene)
+        found.cup_radius = cup.radius_for(bar)
     return found
-
-
-def cup_radius(scene: Scene) -> float:
-    """Radius [m] of the scene's cup where the object is.
-
-    A bar is as thick as it is wide, so a round cup is narrower off its middle. Capsules are round,
-    and nearest to it in the middle.
-    """
-    assert scene.cup is not None
-    radius, bar = scene.cup.radius, scene.object
-    return radius if bar.outline else math.sqrt(radius**2 - (bar.width / 2) ** 2)
 
 
 def cup_entries(scene: Scene, detach: Array, flight: Array) -> Array:

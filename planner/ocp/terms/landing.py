@@ -10,7 +10,6 @@ from typing import Any, ClassVar, Self
 import casadi as ca
 
 from ....problems import Pose, Scene
-from ...throw import cup_radius
 from ..request import Request
 from ..scene_constraint import Flight, SceneConstraint
 from ..stages import Block, Stage, T
@@ -131,7 +130,7 @@ class CupClearance(SceneConstraint):
             "cup_x": cup.x,
             "cup_rim": cup.rim,
             "cup_insertion": cup.insertion,
-            "cup_radius": cup_radius(request.scene),
+            "cup_radius": cup.radius_for(request.scene.object),
             "cup_clearance": cup.clearance + CUP_MARGIN + request.refinement.margins["cup"],
             "lower_end": lower_end(request.scene, target)[0],
         }
