@@ -59,7 +59,9 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     dx, dtheta = throw.deciding.miss(throw.target)
     angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
     title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
-    title += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n{throw.grip_words}"
+    title += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n"
+    # On two lines it ends before the title at its right.
+    title += throw.grip_words.replace("; ", ";\n", 1)
     stage.set_title(title, loc="left", fontsize=10)
     plots = [figure.add_subplot(grid[i, 1]) for i in (1, 2, 3)]
     _draw_plots(plots, line)
