@@ -11,7 +11,7 @@ from typing import Any
 
 from ...problems import InputError, load_scene
 from .. import robot
-from ..cycle import is_cycle
+from ..cycle import is_cycle, read_cycle
 from ..planner import Planner
 from ..play import PlayPage, first_plan
 from ..rest import load_mujoco
@@ -124,24 +124,37 @@ def _show(options: argparse.Namespace, facts: dict[str, Any], panel: Panel) -> N
 
 def replay_arguments(add: Add) -> None:
     """The options of `replay`."""
-    add_plan(add)
+    add_plan_or_cycle(add)
     words = "coefficient of restitution of the bar, 0 to 0.99 (default: 0.1)"
     add("--restitution", type=number(), metavar="E", default=0.1, help=words)
-    add_out(add, "replay.json, replay.csv and replay.png")
+    add_out(add, "replay.json, replay.csv and, of a plan, replay.png")
 
 
 def replay(options: argparse.Namespace) -> int:
-    """Simulate a plan's release in MuJoCo.
+    """Simulate a plan's release, or all of a cycle, in MuJoCo.
 
     example: throwplan replay out/cup/plan.json
     """
     load_mujoco("replay")
     prepare_out(options)
+    if is_cycle(options.plan):
+        return _replay_cycle(options)
     with Progress("reading the plan") as progress:
         throw = read_plan(options.plan)
         progress.about(f"{throw.scene.name}: throwing in MuJoCo")
         result = robot.replay(throw, restitution=options.restitution)
     save_out(options, throw.scene.name, result.save)
+    print_result(options, result.to_dict(), result.summary() + written(options))
+    return DONE
+
+
+def _replay_cycle(options: argparse.Namespace) -> int:
+    """Simulate the throws of a cycle in MuJoCo."""
+    with Progress("reading the cycle") as progress:
+        cycle = read_cycle(options.plan)
+        progress.about(f"{cycle.name}: throwing in MuJoCo")
+        result = robot.replay_cycle(cycle, restitution=options.restitution)
+    save_out(options, cycle.name, result.save)
     print_result(options, result.to_dict(), result.summary() + written(options))
     return DONE
 

@@ -5,12 +5,18 @@ A cycle that is read back is judged again as a whole, since files can be edited.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from ...models import Array, ReadOnly
 from ...problems import InputError, check_arguments, checked
-from ...problems.files import filling
-from ..cycle import Cycle, read_cycle
+from ...problems.files import filling, write_json
+from ..cycle import Cycle, Step, read_cycle
 from ..throw import TICK
 from .controller_files import (
     ROS_FILES,
@@ -23,6 +29,19 @@ from .controller_files import (
     write_ros,
 )
 from .gripper import OPEN_WIDTH
+from .mujoco_replay import Replay, check_replay, simulate
+from .mujoco_throw import HandPoses
+
+#: Files of a replay's folder.
+REPLAY_FILES = ("replay.json", "replay.csv")
+
+
+def solved_cycle(cycle: Cycle | str | Path) -> Cycle:
+    """A cycle with a motion; InputError for what `read_cycle` refuses, and without a motion."""
+    found = cycle if isinstance(cycle, Cycle) else read_cycle(cycle)
+    if found.refused:
+        raise InputError(f"{found.name}: the cycle is not solved: {found.refused}")
+    return found
 
 
 def cycle_of(cycle: Cycle | str | Path) -> Cycle:
@@ -32,9 +51,7 @@ def cycle_of(cycle: Cycle | str | Path) -> Cycle:
     and end at rest, or misses a target.
     """
     place = cycle.name if isinstance(cycle, Cycle) else cycle
-    cycle = cycle if isinstance(cycle, Cycle) else read_cycle(cycle)
-    if cycle.refused:
-        raise InputError(f"{place}: the cycle is not solved: {cycle.refused}")
+    cycle = solved_cycle(cycle)
     mistake = next(_mistakes(cycle), None)
     if mistake is not None:
         raise InputError(f"{place}: not sent, {mistake}")
@@ -83,3 +100,89 @@ def export_cycle(
     with filling(Path(ros), ROS_FILES, "--ros") as folder:
         write_ros(folder, joints, cycle.samples, commands)
     return cycle
+
+
+@dataclass(frozen=True, repr=False)
+class CycleReplay(ReadOnly):
+    """The throws of a cycle by MuJoCo, in their order, each on its own clock."""
+
+    cycle: Cycle
+    replays: tuple[Replay, ...]
+
+    def _each(self) -> Iterator[tuple[Step, Replay]]:
+        return zip(self.cycle.steps, self.replays, strict=True)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON: `Replay.to_dict` of each throw, with the names of pick and bin."""
+        steps = [
+            {"pick": step.pick, "bin": step.bin, "inside": one.inside} | one.to_dict()
+            for step, one in self._each()
+        ]
+        return {"jobs": self.cycle.name, "steps": steps}
+
+    def summary(self) -> str:
+        """Where each object lands, as lines for people."""
+        good, count = sum(one.inside for one in self.replays), len(self.replays)
+        lines = [f"{self.cycle.name}: in MuJoCo {good} of {count} land inside the tolerance"]
+        lines.append(f"  {'object':16} {'bin':12} {'MuJoCo less target: dx':>23} {'dtheta':>11}")
+        for step, one in self._each():
+            dx, dtheta = one.off("target")
+            angle = "open" if math.isnan(dtheta) else f"{math.degrees(dtheta):+.3f} deg"
+            where = "inside" if one.inside else "OUTSIDE"
+            off = f"{1e3 * dx:+20.3f} mm {angle:>11}  {where}"
+            if not math.isfinite(dx):
+                off = "never falls to the target's height"
+            lines.append(f"  {step.pick:16} {step.bin:12} {off}")
+            if one.hits:
+                lines.append(f"    on its way it hits: {', '.join(one.hits)}")
+            lines += [] if one.rest is None else [f"    {words}" for words in one.rest.words()]
+        assumed = dict.fromkeys(one.assumed for one in self.replays if one.rest is not None)
+        lines += [f"  assumed: {words}" for words in assumed]
+        simulated, run = (
+            sum(getattr(r, key) for r in self.replays) for key in ("simulated", "run")
+        )
+        return "\n".join([*lines, f"  {simulated:.2f} s simulated in {run:.1f} s"])
+
+    def save(self, folder: str | Path) -> None:
+        """Write replay.json and replay.csv; InputError if that fails.
+
+        replay.csv: the CoM of each object, numbered from 1, in the base frame at 1 kHz from its
+        opening on, on the cycle's clock.
+        """
+        rows = list[Array]()
+        for number, (step, one) in enumerate(self._each(), start=1):
+            places = one.throw.target.plane.points(one.com[0], one.com[1])
+            times = TICK * step.join + one.times
+            rows.append(np.column_stack([np.full(len(times), number), times, places, one.com[2]]))
+        with filling(Path(folder), REPLAY_FILES) as scratch:
+            write_json(scratch / "replay.json", self.to_dict())
+            names = "object,t,x,y,z,theta"
+            path = scratch / "replay.csv"
+            np.savetxt(path, np.vstack(rows), delimiter=",", header=names, comments="", fmt="%.9g")
+
+
+@check_arguments
+def replay_cycle(
+    cycle: Cycle | str | Path,
+    step: float = 1e-5,
+    flight_step: float = 1e-4,
+    points: int = 12,
+    restitution: float = 0.1,
+) -> CycleReplay:
+    """Throw a cycle's objects in MuJoCo, as `replay` does with one; needs the extra `mujoco`.
+
+    cycle: a cycle, or the path of a cycle.json or of its folder. The hand, which a flying object
+    may hit, goes on to the next pick as in the cycle. Options and errors: see `replay`.
+    """
+    check_replay(step, flight_step, points, restitution)
+    cycle = solved_cycle(cycle)
+    options = step, flight_step, points, restitution
+    each = zip(cycle.steps, cycle.throws, strict=True)
+    return CycleReplay(
+        cycle, tuple(simulate(throw, *options, _hand_at(cycle, one)) for one, throw in each)
+    )
+
+
+def _hand_at(cycle: Cycle, step: Step) -> HandPoses:
+    """The hand's motion on the clock of a step's throw."""
+    return lambda times: cycle.arm_at(times + TICK * step.join)[1]
