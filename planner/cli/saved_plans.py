@@ -47,7 +47,7 @@ def add_plan_or_cycle(add: Add) -> None:
 
 def view_arguments(add: Add) -> None:
     """The options of `view`."""
-    add_plan(add)
+    add_plan_or_cycle(add)
     _add_page(add)
     add("--png", metavar="FILE", help="write the scene at detach as a picture instead")
     add("--mp4", metavar="FILE", help="write the throw as a film instead (needs ffmpeg)")
@@ -69,12 +69,13 @@ def _add_page(add: Add) -> None:
 
 
 def view(options: argparse.Namespace) -> int:
-    """Show a plan in 3-D in the browser.
+    """Show a plan or a cycle in 3-D in the browser.
 
     example: throwplan view out/cup/plan.json
     """
     with Progress("reading and throwing the plan"):
-        space, why = robot.throw_to_rest(options.plan)
+        cycle = is_cycle(options.plan)
+        space, why = (robot.cycle_in_space if cycle else robot.throw_to_rest)(options.plan)
     if why:
         report_step(f"the bar stops at the target: {why}")
     files = {kind: getattr(options, kind) for kind in ("png", "mp4")}

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
-from ...problems import Pose, Scene
+from ...problems import Pose, Scene, check_arguments
 from ...problems.files import plain
 from ..clearance import SpatialScene
 from ..throw import NO_SAMPLES, TICK, Manipulator, Samples, State, Throw, braked, make_manipulator
@@ -156,6 +156,7 @@ class Cycle(ReadOnly):
         found = motion_verdict(step.space, self.samples, held=False)
         yield from (f for f in found.findings if f.code.value.startswith("joint_"))
 
+    @check_arguments
     def arm_at(self, times: Array) -> tuple[Array, Array]:
         """Frames (N, joints, 4, 4) after each joint, and poses (N, 4, 4) of the hand.
 

@@ -11,7 +11,7 @@ from .controller_files import (
     motion_facts,
     write_franka,
 )
-from .cycles import CycleReplay, export_cycle, replay_cycle
+from .cycles import CycleReplay, cycle_in_space, export_cycle, replay_cycle
 from .expectations import Expectations
 from .franka import Franka, check_arm, connected
 from .franka_run import approach, rehearse, throws

@@ -17,6 +17,7 @@ from ...models import Array, ReadOnly
 from ...problems import InputError, check_arguments, checked
 from ...problems.files import filling, write_json
 from ..cycle import Cycle, Step, read_cycle
+from ..show import SpaceCycle
 from ..throw import TICK
 from .controller_files import (
     ROS_FILES,
@@ -29,7 +30,7 @@ from .controller_files import (
     write_ros,
 )
 from .gripper import OPEN_WIDTH
-from .mujoco_replay import Replay, check_replay, simulate
+from .mujoco_replay import Replay, check_replay, simulate, throw_to_rest
 from .mujoco_throw import HandPoses
 
 #: Files of a replay's folder.
@@ -186,3 +187,18 @@ def replay_cycle(
 def _hand_at(cycle: Cycle, step: Step) -> HandPoses:
     """The hand's motion on the clock of a step's throw."""
     return lambda times: cycle.arm_at(times + TICK * step.join)[1]
+
+
+def cycle_in_space(cycle: Cycle | str | Path) -> tuple[SpaceCycle, str]:
+    """A cycle over time until its last object lies, and why objects stop at their targets, if so.
+
+    InputError for what `read_cycle` refuses, and for a throw that does not land.
+    """
+    cycle = solved_cycle(cycle)
+    throws, reasons = zip(*(throw_to_rest(throw) for throw in cycle.throws), strict=True)
+    begins = tuple(TICK * step.join for step in cycle.steps)
+    ends = (begin + throw.line.times[-1] for begin, throw in zip(begins, throws, strict=True))
+    times = np.arange(0.0, max(cycle.duration, *ends) + TICK / 2, TICK)
+    names, held = zip(*((step.pick, TICK * step.held) for step in cycle.steps), strict=True)
+    space = SpaceCycle(cycle.name, names, throws, begins, held, times, *cycle.arm_at(times))
+    return space, next(filter(None, reasons), "")

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...models import Array, sticking_state
 from ...problems import InputError, Scene
@@ -200,6 +199,8 @@ def fly(
 
 def _hand_in_plane(throw: Throw, times: Array, hand_at: HandPoses | None) -> tuple[Array, Array]:
     """Places (N, 3) [m] and quaternions (N, 4) of the hand in the model's frame at times (N,)."""
+    from scipy.spatial.transform import Rotation
+
     plane = throw.target.plane
     if hand_at is None:
         poses = plane.poses(throw.manipulator.hand(throw.to_rest).at(times).pose)

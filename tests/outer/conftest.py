@@ -11,7 +11,6 @@ from typing import Any, NoReturn
 
 import numpy as np
 import pytest
-from job_lists import TWO
 from throwplan.planner.cli import main
 
 
@@ -91,16 +90,6 @@ def untouched(tmp_path: Path):
     before: list[dict[str, bytes | None]] = []
     yield lambda: before.append(listing(tmp_path))
     assert listing(tmp_path) == before[-1]
-
-
-@pytest.fixture(scope="session")
-def cycled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a cycle with two parts; not to be changed."""
-    folder = tmp_path_factory.mktemp("cycle")
-    jobs = folder / "two.toml"
-    jobs.write_text(TWO)
-    assert main(["cycle", str(jobs), "--out", str(folder / "out")]) == 0
-    return folder / "out"
 
 
 @pytest.fixture(scope="session")

@@ -146,3 +146,19 @@ def test_a_film(saved, run, tmp_path) -> None:
     landing = json.loads((saved("hand-flip") / "plan.json").read_text())["release"]["landing_time"]
     # A fifth of the speed, and half a second more for the last frame.
     assert length == pytest.approx(5 * landing + 0.5, abs=0.1)
+
+
+def test_a_cycle_is_served_and_painted(cycled, run, free_port, tmp_path) -> None:
+    """The page's facts are its phases, each object's in order; a picture has the size of all."""
+    done = run("view", cycled, "--port", free_port(), "--no-browser", "--hold", "0.05", "--json")
+    assert done.status == 0
+    steps = json.loads((cycled / "cycle.json").read_text())["steps"]
+    phases = done.json["phases"]
+    assert list(phases) == [step["pick"] for step in steps]
+    for own, step in zip(phases.values(), steps, strict=True):
+        assert list(own.values()) == sorted(own.values())
+        for name, moment in (("carry", "held"), ("stick", "opening"), ("landing", "landing")):
+            assert own[name] == pytest.approx(step[f"{moment}_time"], abs=1e-9)
+    assert run("view", cycled, "--png", tmp_path / "cycle.png").status == 0
+    with Image.open(tmp_path / "cycle.png") as picture:
+        assert picture.size == (960, 720) and picture.getextrema() != ((255, 255),) * 3
