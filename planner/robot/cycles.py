@@ -173,7 +173,9 @@ def replay_cycle(
     """Throw a cycle's objects in MuJoCo, as `replay` does with one; needs the extra `mujoco`.
 
     cycle: a cycle, or the path of a cycle.json or of its folder. The hand, which a flying object
-    may hit, goes on to the next pick as in the cycle. Options and errors: see `replay`.
+    may hit, goes on to the next pick as in the cycle. MuJoCo takes over in the last millisecond
+    before the opening: until then the hand may be out of the throw's plane. Options and errors: see
+    `replay`.
     """
     check_replay(step, flight_step, points, restitution)
     cycle = solved_cycle(cycle)

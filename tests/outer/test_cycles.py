@@ -114,3 +114,23 @@ def test_random_job_lists_break_no_limit(tmp_path: Path) -> None:
         assert broken_limits(tmp_path) == [], seed
         ratios.append(cycle.duration / cycle.stops)
     assert statistics.median(ratios) <= 0.85
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "plan.json: no such file"),
+        ("{", "cycle.json: is not JSON"),
+        ('{"status": "solved"}', "cycle.json: is not a cycle file"),
+        ('{"steps": [], "format": 0}', "a cycle file of version 0, must be 1"),
+    ],
+)
+def test_folders_without_a_cycle_are_named(text, words, tmp_path, refused) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    if text is not None:
+        (folder / "cycle.json").write_text(text)
+    commands = ("export", folder, "--ros", tmp_path / "bag"), ("replay", folder), ("view", folder)
+    for command in commands:
+        said = refused(*command)
+        assert words in said and str(folder) in said
