@@ -18,6 +18,7 @@ if started_as("throwplan"):
 
 from importlib.metadata import PackageNotFoundError, version
 
+from .planner.cycle import Cycle, plan_cycle, read_cycle, save_cycle
 from .planner.follow import Response, Session, Update
 from .planner.identify import Calibrated, Identified, calibrate, identify, throw_data, thrown
 from .planner.planner import Planner, plan
@@ -55,6 +56,7 @@ from .problems import (
     Torque,
     Uncertainty,
     Workspace,
+    load_jobs,
     load_scene,
     scene_names,
     scene_text,
@@ -76,6 +78,7 @@ __all__ = [
     "Contact",
     "Cost",
     "Cup",
+    "Cycle",
     "Distribution",
     "Grasp",
     "Gripper",
@@ -119,12 +122,16 @@ __all__ = [
     "draw_flight",
     "export",
     "identify",
+    "load_jobs",
     "load_scene",
     "load_throws",
     "plan",
+    "plan_cycle",
     "reach_map",
+    "read_cycle",
     "read_plan",
     "replay",
+    "save_cycle",
     "scene_names",
     "scene_text",
     "simulate",

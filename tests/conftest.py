@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import throwplan as tp
+from job_lists import TWO
 
 _FOLDER = tempfile.TemporaryDirectory(prefix="throwplan-tests-")
 os.environ["THROWPLAN_CACHE"] = _FOLDER.name
@@ -62,6 +63,16 @@ def turned(planner_of, tmp_path_factory) -> tuple[tp.Plan, Path]:
     plan = planner_of("near-cup").plan(target)
     assert plan.status == "solved", plan.message
     return plan.save(folder, draw=False), folder
+
+
+@pytest.fixture(scope="session")
+def cycled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a cycle with two parts; not to be changed."""
+    folder = tmp_path_factory.mktemp("cycle")
+    jobs = folder / "two.toml"
+    jobs.write_text(TWO)
+    tp.save_cycle(tp.plan_cycle(tp.load_jobs(jobs)), folder / "out")
+    return folder / "out"
 
 
 @pytest.fixture(scope="session")

@@ -19,6 +19,27 @@ TICK = 1e-3
 #: Landing error (position [m], angle [rad]) by the oracle, whose own error is about 0.1 mm.
 LANDS = 2.2e-3, math.radians(0.55)
 
+#: A part and a bin.
+ONE = """
+scene = "pose"
+[[bin]]
+name = "bin"
+target = { x = 1.0, y = 0.3, z = 0.2, theta_deg = -90.0 }
+[[pick]]
+name = "part"
+x = 0.45
+y = 0.1
+z = 0.35
+"""
+#: Two parts and a bin.
+TWO = f"""{ONE}
+[[pick]]
+name = "other part"
+x = 0.45
+y = -0.1
+z = 0.35
+"""
+
 
 def random_jobs(seed: int, picks: int = 8, bins: int = 3) -> str:
     """The text of a job file: picks in front of a Panda, bins beyond its reach."""

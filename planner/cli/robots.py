@@ -12,6 +12,7 @@ from pathlib import Path
 from ...problems import InputError
 from ...problems.files import copy_out, filling, prepare_folder
 from .. import robot
+from ..cycle import is_cycle
 from ..throw import TICK
 from ..verdict import outside_tolerance
 from .common import (
@@ -51,6 +52,7 @@ def run(options: argparse.Namespace) -> int:
 
     example: throwplan run out/fr3/plan.json --robot 172.16.0.2
     """
+    _refuse_cycle(options)
     plan = robot.joint_motion(options.plan)
     robot.check_arm(options.plan, plan.arm)
     sent = plan
@@ -81,6 +83,13 @@ def run(options: argparse.Namespace) -> int:
             report_step(lines[-1])
     print_result(options, {"scene": plan.throw.scene.name, "runs": runs}, "\n".join(lines))
     return DONE
+
+
+def _refuse_cycle(options: argparse.Namespace) -> None:
+    """InputError for a cycle: the link to the robot opens the gripper once and never closes it."""
+    if is_cycle(options.plan):
+        words = f"`throwplan export {options.plan} --ros DIR` writes it for the robot's controller"
+        raise InputError(f"{options.plan}: is a cycle, must be a plan: {words}")
 
 
 def _rehearse(options: argparse.Namespace, plan: robot.JointMotion, sent: robot.JointMotion) -> int:
@@ -152,6 +161,7 @@ def correct(options: argparse.Namespace) -> int:
 
     example: throwplan correct out/fr3/plan.json out/run/run.csv --out out/next
     """
+    _refuse_cycle(options)
     plan = robot.joint_motion(options.plan)
     recording = robot.read_recording(options.recording, plan)
     sent, expected = robot.corrected(plan, recording)

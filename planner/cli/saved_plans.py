@@ -1,4 +1,4 @@
-"""Commands on plans: `view`, `play`, `replay`, `export`."""
+"""Commands on plans and cycles: `view`, `play`, `replay`, `export`."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ...problems import load_scene
+from ...problems import InputError, load_scene
 from .. import robot
+from ..cycle import is_cycle, read_cycle
 from ..planner import Planner
 from ..play import PlayPage, first_plan
 from ..rest import load_mujoco
 from ..result import read_plan
 from ..show import Panel, empty_page, open_browser, run_panel, save_in_space, serving
+from ..throw import TICK
 from .common import (
     DONE,
     Add,
@@ -38,9 +40,14 @@ def add_plan(add: Add) -> None:
     add("plan", metavar="PLAN", help="a plan.json, or the folder that it is in")
 
 
+def add_plan_or_cycle(add: Add) -> None:
+    """The argument PLAN, which may be a cycle."""
+    add("plan", metavar="PLAN", help="a plan.json or cycle.json, or the folder that it is in")
+
+
 def view_arguments(add: Add) -> None:
     """The options of `view`."""
-    add_plan(add)
+    add_plan_or_cycle(add)
     _add_page(add)
     add("--png", metavar="FILE", help="write the scene at detach as a picture instead")
     add("--mp4", metavar="FILE", help="write the throw as a film instead (needs ffmpeg)")
@@ -62,12 +69,13 @@ def _add_page(add: Add) -> None:
 
 
 def view(options: argparse.Namespace) -> int:
-    """Show a plan in 3-D in the browser.
+    """Show a plan or a cycle in 3-D in the browser.
 
     example: throwplan view out/cup/plan.json
     """
     with Progress("reading and throwing the plan"):
-        space, why = robot.throw_to_rest(options.plan)
+        cycle = is_cycle(options.plan)
+        space, why = (robot.cycle_in_space if cycle else robot.throw_to_rest)(options.plan)
     if why:
         report_step(f"the bar stops at the target: {why}")
     files = {kind: getattr(options, kind) for kind in ("png", "mp4")}
@@ -117,19 +125,21 @@ def _show(options: argparse.Namespace, facts: dict[str, Any], panel: Panel) -> N
 
 def replay_arguments(add: Add) -> None:
     """The options of `replay`."""
-    add_plan(add)
+    add_plan_or_cycle(add)
     words = "coefficient of restitution of the bar, 0 to 0.99 (default: 0.1)"
     add("--restitution", type=number(), metavar="E", default=0.1, help=words)
-    add_out(add, "replay.json, replay.csv and replay.png")
+    add_out(add, "replay.json, replay.csv and, of a plan, replay.png")
 
 
 def replay(options: argparse.Namespace) -> int:
-    """Simulate a plan's release in MuJoCo.
+    """Simulate a plan's release, or all of a cycle, in MuJoCo.
 
     example: throwplan replay out/cup/plan.json
     """
     load_mujoco("replay")
     prepare_out(options)
+    if is_cycle(options.plan):
+        return _replay_cycle(options)
     with Progress("reading the plan") as progress:
         throw = read_plan(options.plan)
         progress.about(f"{throw.scene.name}: throwing in MuJoCo")
@@ -139,9 +149,20 @@ def replay(options: argparse.Namespace) -> int:
     return DONE
 
 
+def _replay_cycle(options: argparse.Namespace) -> int:
+    """Simulate the throws of a cycle in MuJoCo."""
+    with Progress("reading the cycle") as progress:
+        cycle = read_cycle(options.plan)
+        progress.about(f"{cycle.name}: throwing in MuJoCo")
+        result = robot.replay_cycle(cycle, restitution=options.restitution)
+    save_out(options, cycle.name, result.save)
+    print_result(options, result.to_dict(), result.summary() + written(options))
+    return DONE
+
+
 def export_arguments(add: Add) -> None:
     """The options of `export`."""
-    add_plan(add)
+    add_plan_or_cycle(add)
     add("--franka", metavar="DIR", help="write CSV files at 1 kHz for libfranka to this folder")
     words = "write a rosbag2 (MCAP) with trajectory and gripper command to this folder"
     add("--ros", metavar="DIR", help=words)
@@ -151,10 +172,12 @@ def export_arguments(add: Add) -> None:
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write a plan for a robot controller.
+    """Write a plan or a cycle for a robot controller.
 
     example: throwplan export out/cup/plan.json --franka out/franka
     """
+    if is_cycle(options.plan):
+        return _export_cycle(options)
     folders = {"franka": options.franka, "ros": options.ros}
     with Progress("writing the plan for controllers"):
         motion = robot.export(
@@ -173,4 +196,32 @@ def export(options: argparse.Namespace) -> int:
     ]
     lines += [f"  written to {name}" for name in folders.values() if name]
     print_result(options, result, "\n".join(lines))
+    return DONE
+
+
+def _export_cycle(options: argparse.Namespace) -> int:
+    """Write a cycle for ROS 2."""
+    if options.franka is not None:
+        words = "its program takes one throw; --ros takes a cycle, motion.csv has all joints"
+        raise InputError(f"--franka: not for a cycle: {words}")
+    if options.ros is None:
+        raise InputError("--ros: is missing: give the folder for the cycle's bag")
+    with Progress("writing the cycle for controllers"):
+        cycle = robot.export_cycle(
+            options.plan, ros=options.ros, names=options.joint_names, open_width=options.open_width
+        )
+    samples, opened = len(cycle.samples.q), [step.command_time for step in cycle.steps]
+    closed = [TICK * step.reach for step in cycle.steps]
+    result = {
+        "ros": options.ros,
+        "duration": cycle.duration,
+        "closing_times": closed,
+        "command_times": opened,
+    }
+    text = (
+        f"{cycle.name}: {samples} samples, {cycle.duration:.3f} s; gripper commands to close at "
+        f"{', '.join(f'{time:.3f}' for time in closed)} s and to open at "
+        f"{', '.join(f'{time:.3f}' for time in opened)} s\n  written to {options.ros}"
+    )
+    print_result(options, result, text)
     return DONE

@@ -2,7 +2,7 @@
 of hand poses."""
 
 from .cycle import Cycle, Step, UnsolvedError
-from .files import CYCLE_FILES, gripper_commands, read_cycle, save_cycle
+from .files import CYCLE_FILES, gripper_commands, is_cycle, read_cycle, save_cycle
 from .inverse_kinematics import inverse_kinematics
 from .placing import Placing, place_jobs, slowed_transfer
 from .planning import plan_cycle

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
-from ...problems import Pose, Scene
+from ...problems import Pose, Scene, check_arguments
 from ...problems.files import plain
 from ..clearance import SpatialScene
 from ..throw import NO_SAMPLES, TICK, Manipulator, Samples, State, Throw, braked, make_manipulator
@@ -155,6 +155,21 @@ class Cycle(ReadOnly):
     def _joint_findings(self, step: Step) -> Iterator[Finding]:
         found = motion_verdict(step.space, self.samples, held=False)
         yield from (f for f in found.findings if f.code.value.startswith("joint_"))
+
+    @check_arguments
+    def arm_at(self, times: Array) -> tuple[Array, Array]:
+        """Frames (N, joints, 4, 4) after each joint, and poses (N, 4, 4) of the hand.
+
+        times (N,) [s]: on the cycle's clock, at rest before and after it. hand: at the pads'
+        centre, x the approach axis, z the normal of the plane that the pads hold the object in.
+        """
+        first, throw = self.steps[0], self.throws[0]
+        at = np.append(np.clip(times, 0.0, self.duration), TICK * first.join)
+        frames = first.space.spatial.frames(self.samples.path.at(at).pose.T)[1:].swapaxes(0, 1)
+        # The hand is fixed to the last frame: as it is where the first swing begins.
+        held = throw.target.plane.poses(throw.manipulator.hand(throw.to_rest).at(np.zeros(1)).pose)
+        hand = frames[:-1, -1] @ np.linalg.inv(frames[-1, -1]) @ held[0]
+        return frames[:-1, :-1], hand
 
     def to_dict(self) -> dict[str, Any]:
         """The cycle as JSON: SI units, radians, poses in the base frame, times on its clock."""

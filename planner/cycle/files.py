@@ -55,6 +55,14 @@ def gripper_commands(cycle: Cycle) -> Array:
     return closed
 
 
+def is_cycle(path: str | Path) -> bool:
+    """Whether a path names a cycle.json, or a folder with one and without a plan.json."""
+    path = Path(path)
+    if path.name == "cycle.json":
+        return True
+    return (path / "cycle.json").is_file() and not (path / "plan.json").exists()
+
+
 @check_arguments
 def read_cycle(path: str | Path) -> Cycle:
     """The cycle of a cycle.json (or its folder) and its motion.csv, judged again when asked.

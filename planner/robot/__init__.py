@@ -1,6 +1,6 @@
-"""Plans on other systems: played on robots, written for their controllers, thrown in MuJoCo.
+"""Plans and cycles on other systems: played on robots, written for controllers, thrown in MuJoCo.
 
-All read a saved plan back (`read_plan`) and check it again, since files can be edited.
+All read a saved plan or cycle back and check it again, since files can be edited.
 """
 
 from .controller_files import (
@@ -11,6 +11,7 @@ from .controller_files import (
     motion_facts,
     write_franka,
 )
+from .cycles import CycleReplay, cycle_in_space, export_cycle, replay_cycle
 from .expectations import Expectations
 from .franka import Franka, check_arm, connected
 from .franka_run import approach, rehearse, throws

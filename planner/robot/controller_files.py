@@ -19,7 +19,7 @@ from ...models.robot import Arm, PlanarArm
 from ...problems import InputError, check_arguments, checked, load_arm
 from ...problems.files import filling, write_json
 from ..result import Plan, joint_samples, throw_of, write_table
-from ..throw import TICK, Throw
+from ..throw import TICK, Samples, Throw
 from ..verdict import JOINT_LIMITS, verdict
 from .gripper import OPEN_WIDTH
 
@@ -95,28 +95,40 @@ def joint_motion(plan: Plan | Throw | str | Path) -> JointMotion:
 
 def _mistakes(motion: JointMotion) -> Iterator[str]:
     """Reasons not to send the motion."""
-    throw, limits, q = motion.throw, motion.arm.limits, motion.q
-    for where, sample in (("begin", 0), ("end", -1)):
-        rest = (np.abs(motion.dq[sample]) <= 1e-6) & (np.abs(motion.ddq[sample]) <= 1e-3)
-        for j in np.flatnonzero(~rest):
-            yield f"the motion does not {where} at rest: joint {j + 1}"
-    outside = (q[0] < np.array(limits.position_min)) | (q[0] > np.array(limits.position_max))
-    for j in np.flatnonzero(outside):
-        yield f"joint {j + 1} position: outside its limits"
+    throw, arm, samples = motion.throw, motion.arm, Samples(motion.q, motion.dq, motion.ddq)
+    yield from rest_mistakes(arm, samples)
     broken = verdict(throw).broken
     # Joint limits first: uneven samples miss the target, too.
     yield from (finding.words for finding in broken if finding.code in JOINT_LIMITS.values())
-    # Positions, rates and accelerations that contradict each other: the mean rate of a tick is off
-    # by more than twice the change that the jerk limit allows in it.
-    pairs = (("rates", q, motion.dq, TICK / 4), ("accelerations", motion.dq, motion.ddq, 1))
-    for name, values, rates, part in pairs:
-        off = np.abs(np.diff(values, axis=0) / TICK - (rates[1:] + rates[:-1]) / 2)
-        allowed = part * np.array(limits.jerk) * TICK / 2 + 1e-6
-        for j in np.flatnonzero((off > allowed).any(axis=0)):
-            yield f"joint {j + 1}'s {name} do not fit the samples"
+    yield from rate_mistakes(arm, samples)
     if throw.command_time < -ON_TICK * TICK:
         yield f"the opening command would come {-1e3 * throw.command_time:.1f} ms too early"
     yield from (finding.words for finding in broken)
+
+
+def rest_mistakes(arm: Arm, samples: Samples) -> Iterator[str]:
+    """Ends of a motion of all joints that are not at rest, and a start outside their range."""
+    for where, sample in (("begin", 0), ("end", -1)):
+        rest = (np.abs(samples.dq[sample]) <= 1e-6) & (np.abs(samples.ddq[sample]) <= 1e-3)
+        for j in np.flatnonzero(~rest):
+            yield f"the motion does not {where} at rest: joint {j + 1}"
+    low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
+    for j in np.flatnonzero((samples.q[0] < low) | (samples.q[0] > high)):
+        yield f"joint {j + 1} position: outside its limits"
+
+
+def rate_mistakes(arm: Arm, samples: Samples) -> Iterator[str]:
+    """Positions, rates and accelerations that contradict each other: the mean rate of a tick is off
+    by more than twice the change that the jerk limit allows in it."""
+    pairs = (
+        ("rates", samples.q, samples.dq, TICK / 4),
+        ("accelerations", samples.dq, samples.ddq, 1),
+    )
+    for name, values, rates, part in pairs:
+        off = np.abs(np.diff(values, axis=0) / TICK - (rates[1:] + rates[:-1]) / 2)
+        allowed = part * np.array(arm.limits.jerk) * TICK / 2 + 1e-6
+        for j in np.flatnonzero((off > allowed).any(axis=0)):
+            yield f"joint {j + 1}'s {name} do not fit the samples"
 
 
 @check_arguments
@@ -149,14 +161,16 @@ def export(
     if franka is not None and not is_franka(motion.arm):
         words = f"the plan's arm is {motion.arm.name}, must be a Franka; --ros takes any arm"
         raise InputError(f"--franka: {words}")
-    joints = joint_names(motion, names)
+    joints = joint_names(motion.arm, names)
+    opening = GripperCommand(motion.throw.command_time, width)
     with ExitStack() as stack:
         if franka is not None:
             folder = filling(Path(franka), FRANKA_FILES, "--franka")
             write_franka(motion, stack.enter_context(folder))
         if ros is not None:
             folder = filling(Path(ros), ROS_FILES, "--ros")
-            write_ros(motion, stack.enter_context(folder), joints, width)
+            samples = Samples(motion.q, motion.dq, motion.ddq)
+            write_ros(stack.enter_context(folder), joints, samples, [opening])
     return motion
 
 
@@ -271,41 +285,54 @@ def ros_typestore() -> Any:
     return store
 
 
-def joint_names(motion: JointMotion, given: Sequence[str] | None) -> list[str]:
+def joint_names(arm: Arm, given: Sequence[str] | None) -> list[str]:
     """Names of all joints, the given ones, the arm's or NAME_joint1, ...; InputError if wrong."""
-    count = motion.arm.joints
+    count = arm.joints
     if given is None:
-        own = (f"{motion.arm.name}_joint{j + 1}" for j in range(count))
-        return list(motion.arm.joint_names or own)
+        own = (f"{arm.name}_joint{j + 1}" for j in range(count))
+        return list(arm.joint_names or own)
     if len(given) != count or len(set(given)) != count:
         raise InputError(f"--joint-names {' '.join(given)}: must be {count} different names")
     return list(given)
 
 
-def write_ros(motion: JointMotion, folder: Path, names: list[str], width: float) -> None:
+@dataclass(frozen=True)
+class GripperCommand:
+    """A command to the gripper: time [s] on the motion's clock, width [m] of the gap, force [N] at
+    most, 0 for any."""
+
+    time: float
+    width: float
+    force: float = 0.0
+
+
+def write_ros(
+    folder: Path, names: list[str], samples: Samples, commands: Sequence[GripperCommand]
+) -> None:
     """Write `ROS_FILES`, a bag, into `folder`. The motion's start is at 0 s on the bag's clock.
 
-    width [m]: gap of the opened gripper, for the gripper's command.
+    names, samples: of all joints; commands: in order of time.
     """
     store = ros_typestore()
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     # rosbags makes a folder, which names the storage file in it.
-    bag = folder / "throw"
-    command = store.types[GRIPPER_TYPE](position=width, max_effort=0.0)
+    bag, kind = folder / "throw", store.types[GRIPPER_TYPE]
     with Writer(bag, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
-        for topic, kind, time, message in (
-            (TRAJECTORY, TRAJECTORY_TYPE, 0, _trajectory(store, motion, names)),
-            (GRIPPER, GRIPPER_TYPE, round(motion.throw.command_time * SECOND), command),
-        ):
-            connection = writer.add_connection(topic, kind, typestore=store)
-            writer.write(connection, max(time, 0), store.serialize_cdr(message, kind))
+        arm = writer.add_connection(TRAJECTORY, TRAJECTORY_TYPE, typestore=store)
+        message = _trajectory(store, samples, names)
+        writer.write(arm, 0, store.serialize_cdr(message, TRAJECTORY_TYPE))
+        gripper = writer.add_connection(GRIPPER, GRIPPER_TYPE, typestore=store)
+        for command in commands:
+            message = kind(position=command.width, max_effort=command.force)
+            time = max(round(command.time * SECOND), 0)
+            writer.write(gripper, time, store.serialize_cdr(message, GRIPPER_TYPE))
     for name in BAG_FILES:
         os.replace(bag / name, folder / name)
     _write_programs(folder, ROS_PROGRAM)
 
 
-def _trajectory(store: Any, motion: JointMotion, names: list[str]) -> Any:
+def _trajectory(store: Any, samples: Samples, names: list[str]) -> Any:
     """JointTrajectory with all samples; stamp 0 starts it on arrival."""
     point = store.types["trajectory_msgs/msg/JointTrajectoryPoint"]
     duration = store.types["builtin_interfaces/msg/Duration"]
@@ -317,7 +344,7 @@ def _trajectory(store: Any, motion: JointMotion, names: list[str]) -> Any:
             effort=np.zeros(0),
             time_from_start=duration(*divmod(i * round(TICK * SECOND), SECOND)),
         )
-        for i, (q, dq, ddq) in enumerate(zip(motion.q, motion.dq, motion.ddq, strict=True))
+        for i, (q, dq, ddq) in enumerate(zip(samples.q, samples.dq, samples.ddq, strict=True))
     ]
     stamp = store.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
     header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="")

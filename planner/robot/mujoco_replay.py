@@ -41,6 +41,7 @@ from ..verdict import outside_tolerance
 from .mujoco_throw import (
     FRICTION,
     LEAD,
+    HandPoses,
     ReplayEnd,
     SimulatedFlight,
     fly,
@@ -86,6 +87,18 @@ class Replay(ReadOnly):
         """One line instead of the arrays."""
         x, z, theta = self.landing
         return f"Replay(landing x {x:.4f} m, z {z:.4f} m, theta {math.degrees(theta):.2f} deg)"
+
+    @property
+    def inside(self) -> bool:
+        """Whether it lands within the scene's tolerance of the target."""
+        dx, dtheta = self.off("target")
+        outside = outside_tolerance(self.throw.scene.tolerance, dx, np.nan_to_num(dtheta))
+        return math.isfinite(dx) and not outside
+
+    @property
+    def hits(self) -> list[str]:
+        """Hand, base column and obstacles that the bar hits."""
+        return [n for n in self.touched if n in ("hand", "base column") or "obstacle" in n]
 
     @property
     def assumed(self) -> str:
@@ -150,11 +163,10 @@ class Replay(ReadOnly):
             lines = [f"{scene.name}: in MuJoCo it never falls to the target's height"]
         else:
             dx, dtheta = self.off("target")
-            inside = not outside_tolerance(scene.tolerance, dx, np.nan_to_num(dtheta))
             off = f"{1e3 * abs(dx):.3f} mm"
             if not math.isnan(dtheta):
                 off += f" and {math.degrees(abs(dtheta)):.3f} deg"
-            where = f"{'inside' if inside else 'OUTSIDE'} the tolerance"
+            where = f"{'inside' if self.inside else 'OUTSIDE'} the tolerance"
             lines = [f"{scene.name}: in MuJoCo it lands {off} from the target, {where}"]
             lines.append(f"  {'MuJoCo less':15}{'dx':>13}{'dtheta':>13}")
             for key in OTHERS:
@@ -162,9 +174,8 @@ class Replay(ReadOnly):
                 words = "sliding pivot" if key == "sp" else key.replace("_", " ")
                 angle = "open" if math.isnan(dtheta) else f"{math.degrees(dtheta):+.3f} deg"
                 lines.append(f"  {words:15}{1e3 * dx:+10.3f} mm{angle:>13}")
-        hits = [n for n in self.touched if n in ("hand", "base column") or "obstacle" in n]
-        if hits:
-            lines.append(f"  on its way the bar hits: {', '.join(hits)}")
+        if self.hits:
+            lines.append(f"  on its way the bar hits: {', '.join(self.hits)}")
         if self.rest is not None:
             lines += [f"  {words}" for words in self.rest.words()]
             lines.append(f"  assumed: {self.assumed}")
@@ -219,12 +230,28 @@ def replay(
     step, flight_step [s]: of the opening, and after it. InputError for what is no plan, and
     without MuJoCo.
     """
-    restitution = checked("restitution", restitution, float, {"least": 0, "most": 0.99})
-    points = checked("points", points, int, {"least": 1, "most": 64})
+    check_replay(step, flight_step, points, restitution)
+    return simulate(throw_of(throw), step, flight_step, points, restitution)
+
+
+def check_replay(step: float, flight_step: float, points: int, restitution: float) -> None:
+    """InputError for an option of a replay out of range, and without MuJoCo."""
+    checked("restitution", restitution, float, {"least": 0, "most": 0.99})
+    checked("points", points, int, {"least": 1, "most": 64})
     for name, value in (("step", step), ("flight_step", flight_step)):
         checked(name, value, float, {"least": 1e-7, "most": 1e-3})
     load_mujoco("replay")
-    throw = throw_of(throw)
+
+
+def simulate(
+    throw: Throw,
+    step: float,
+    flight_step: float,
+    points: int,
+    restitution: float,
+    hand_at: HandPoses | None = None,
+) -> Replay:
+    """The replay of a throw, see `replay`; hand_at: the hand's motion after detach."""
     start_time = time.perf_counter()
     height = throw.target.z
     opening, states = release_run(throw, step, points)
@@ -238,7 +265,7 @@ def replay(
     free = fly_alone(throw, detach, start, start + duration, fine)
     landing, landing_time = _landing(free, height)
     end = landing_time if math.isfinite(landing_time) else start + expected
-    flown = fly(throw, detach, start, end, flight_step, restitution)
+    flown = fly(throw, detach, start, end, flight_step, restitution, hand_at)
     poses = np.hstack([states[:, :3].T, flown.poses[:, 1:]])
     known = np.append(opening, flown.times[1:])
     times = np.arange(throw.opening_time, known[-1], TICK)

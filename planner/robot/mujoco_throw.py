@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +26,9 @@ from ..rest import (
 )
 from ..throw import Throw
 
+#: Poses (N, 4, 4) of the hand in the base frame at times (N,) [s] on a throw's clock: at the pads'
+#: centre, x the approach axis, z the normal of the throw's plane.
+HandPoses = Callable[[Array], Array]
 #: Friction of the bar against cup, floor, hand and column.
 FRICTION = 0.4
 #: Time [s] of the replay before the opening.
@@ -137,11 +141,18 @@ def fly_alone(
 
 
 def fly(
-    throw: Throw, detach: Array, start: float, end: float, step: float, restitution: float
+    throw: Throw,
+    detach: Array,
+    start: float,
+    end: float,
+    step: float,
+    restitution: float,
+    hand_at: HandPoses | None = None,
 ) -> SimulatedFlight:
     """The flight from `start` to `end` [s], with a cup until the bar rests, at most 4 s longer.
 
     detach (6,): pose and twist of the bar at `start`. A bar rests that was still for 0.1 s.
+    hand_at: the hand's motion, that of the throw if left out.
     """
     mujoco, scene, cup = load_mujoco(), throw.scene, throw.scene.cup
     made = ContactModel.of(scene, step, restitution, FRICTION, arm=True)
@@ -151,7 +162,7 @@ def fly(
     last = end if cup is None else end + 4.0
     count = max(math.ceil((last - start) / step), 1)
     times = start + step * np.arange(count + 1.0)
-    hand = throw.manipulator.hand(throw.to_rest).at(times).pose.T if has_hand(scene) else None
+    hand = _hand_in_plane(throw, times, hand_at) if has_hand(scene) else None
     moved, bodies = target_travel(throw, times), map(model.body, range(model.nbody))
     column = [body.mocapid[0] for body in bodies if body.name == COLUMN]
     geoms = (model.geom(i).name for i in range(model.ngeom))
@@ -163,9 +174,8 @@ def fly(
         if k == count:
             break
         if hand is not None:
-            x, z, theta = hand[k]
-            data.mocap_pos[0] = x - moved[k], 0.0, z
-            data.mocap_quat[0] = math.cos(theta / 2), 0.0, -math.sin(theta / 2), 0.0
+            data.mocap_pos[0], data.mocap_quat[0] = hand[0][k], hand[1][k]
+            data.mocap_pos[0, 0] -= moved[k]
         data.mocap_pos[column, 0] = -moved[k]
         mujoco.mj_step(model, data)
         if cup is not None:
@@ -185,6 +195,24 @@ def fly(
     inside = bool(is_in_cup(scene, cup, *pose_of(states[settled])).all())
     rest = ReplayEnd(inside, entered, touched_rim, at_rest, (x, y, z, float(poses[2, -1])))
     return SimulatedFlight(times, poses, tuple(touched), rest)
+
+
+def _hand_in_plane(throw: Throw, times: Array, hand_at: HandPoses | None) -> tuple[Array, Array]:
+    """Places (N, 3) [m] and quaternions (N, 4) of the hand in the model's frame at times (N,)."""
+    from scipy.spatial.transform import Rotation
+
+    plane = throw.target.plane
+    if hand_at is None:
+        poses = plane.poses(throw.manipulator.hand(throw.to_rest).at(times).pose)
+    else:
+        poses = hand_at(times)
+    origin = plane.points(0.0, 0.0)
+    forward, up = plane.points(1.0, 0.0) - origin, np.array([0.0, 0.0, 1.0])
+    frame = np.column_stack([forward, -plane.normal, up])
+    x, y, z = np.moveaxis(frame.T @ poses[:, :3, :3], -1, 0)
+    axes = np.stack([x, -z, y], axis=-1)
+    quaternions = Rotation.from_matrix(axes).as_quat(scalar_first=True)
+    return (poses[:, :3, 3] - origin) @ frame, quaternions
 
 
 def target_travel(throw: Throw, times: Array) -> Array:

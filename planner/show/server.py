@@ -16,9 +16,11 @@ from typing import Any
 
 from ...interrupts import INTERRUPTS
 from ...problems import InputError
+from .cycle_view import CycleView, SpaceCycle
 from .page_guard import guarded
+from .space_throw import SpaceThrow
 from .style import PHASES
-from .view import SpaceThrow, View
+from .view import View
 
 HOST = "127.0.0.1"
 #: Playback speeds over real time, by their labels.
@@ -26,10 +28,13 @@ SPEEDS = {"1": 1.0, "1/5": 0.2, "1/20": 0.05}
 
 
 @contextlib.contextmanager
-def serving(throw: SpaceThrow, port: int) -> Iterator[tuple[str, Any]]:
-    """Address and panel of the throw's view while it is served; errors as of `empty_page`."""
-    with empty_page(throw.scene.name, port) as (address, server):
-        yield address, Panel(server, throw)
+def serving(shown: SpaceThrow | SpaceCycle, port: int) -> Iterator[tuple[str, Any]]:
+    """Address and panel of a throw's or cycle's view while it is served; errors: `empty_page`."""
+    with empty_page(shown.name, port) as (address, server):
+        if isinstance(shown, SpaceCycle):
+            yield address, CyclePanel(server, shown)
+        else:
+            yield address, Panel(server, shown)
 
 
 @contextlib.contextmanager
@@ -100,56 +105,35 @@ def open_browser(address: str) -> bool:
         return False
 
 
-class Panel:
-    """Slider, buttons and texts of a view; `advance` plays, `change` shows another throw.
+class Player:
+    """Slider, play button and words of a view; `advance` plays.
 
-    time [s]: the instant shown. viser calls back from other threads, so a lock guards the state.
+    end [s]: of what is shown; time [s]: the instant shown. viser calls back from other threads, so
+    a lock guards the state.
     """
 
-    def __init__(self, server: Any, throw: SpaceThrow) -> None:
-        self.view, self.throw = View(server, throw), throw
-        self.end = float(self.throw.line.times[-1])
-        self.time, self.playing = 0.0, False
+    def __init__(self, gui: Any, end: float, speed: str) -> None:
+        self.end, self.time, self.playing = end, 0.0, False
         self._lock = threading.RLock()
-        gui = server.gui
         self.words = gui.add_markdown("")
         self.slider = gui.add_slider(
             "time [ms]", min=0, max=round(1e3 * self.end), step=1, initial_value=0
         )
         self.button = gui.add_button("play", hint="play from here; from the start at the end")
-        self.speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1/5")
-        self.release = gui.add_button(
-            "go to the release", hint="the opening: the force starts to fall"
-        )
-        self.legend = gui.add_html(_legend(self.throw.shown_phases()))
+        self.speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
         self.slider.on_update(lambda _: self._slider_moved())
         self.button.on_click(lambda _: self.play(not self.playing))
-        self.release.on_click(lambda _: self.go(self.throw.throw.opening_time))
-        self.go(0.0)
 
-    def change(self, throw: SpaceThrow) -> None:
-        """Show another throw of the scene, at its opening or at the current time of playback."""
-        with self._lock:
-            self.throw, self.end = throw, float(throw.line.times[-1])
-            self.view.change(throw)
-            self.slider.value, self.slider.max = 0, round(1e3 * self.end)
-            self.legend.content = _legend(throw.shown_phases())
-            self.go(self.time if self.playing else throw.throw.opening_time)
+    def show(self, time: float) -> str:
+        """Move the view to `time` [s]; words for it."""
+        raise NotImplementedError
 
     def go(self, time: float) -> None:
-        """Show the throw at `time` [s]."""
+        """Show the instant at `time` [s]."""
         with self._lock:
             self.time = min(max(time, 0.0), self.end)
-            self.view.show(self.time)
+            self.words.content = self.show(self.time)
             self.slider.value = round(1e3 * self.time)
-            phases = self.throw.shown_phases().items()
-            phase = [name for name, start in phases if name in PHASES and start <= self.time][-1]
-            phase = self.throw.line.end if phase == "landed" else phase
-            since = 1e3 * (self.time - self.throw.throw.opening_time)
-            self.words.content = (
-                f"**{phase}**, {1e3 * self.time:.0f} ms "
-                f"(opening {'−' if since < 0 else '+'} {abs(since):.0f} ms)"
-            )
 
     def play(self, playing: bool) -> None:
         """Start or stop; at the end start again from rest."""
@@ -173,6 +157,55 @@ class Panel:
         with self._lock:
             if self.slider.value != round(1e3 * self.time):
                 self.go(1e-3 * self.slider.value)
+
+
+class CyclePanel(Player):
+    """The player of a cycle's view."""
+
+    def __init__(self, server: Any, cycle: SpaceCycle) -> None:
+        self.view, self.cycle = CycleView(server, cycle), cycle
+        super().__init__(server.gui, float(cycle.times[-1]), "1")
+        self.go(0.0)
+
+    def show(self, time: float) -> str:
+        """Move the view to `time` [s]; the last object's phase."""
+        i = self.view.show(time)
+        return f"**{self.cycle.words(i)}**, {1e3 * time:.0f} ms"
+
+
+class Panel(Player):
+    """The player of a throw's view, with a legend of its phases; `change` shows another throw."""
+
+    def __init__(self, server: Any, throw: SpaceThrow) -> None:
+        self.view, self.throw = View(server, throw), throw
+        super().__init__(server.gui, float(throw.line.times[-1]), "1/5")
+        self.release = server.gui.add_button(
+            "go to the release", hint="the opening: the force starts to fall"
+        )
+        self.legend = server.gui.add_html(_legend(self.throw.shown_phases()))
+        self.release.on_click(lambda _: self.go(self.throw.throw.opening_time))
+        self.go(0.0)
+
+    def change(self, throw: SpaceThrow) -> None:
+        """Show another throw of the scene, at its opening or at the current time of playback."""
+        with self._lock:
+            self.throw, self.end = throw, float(throw.line.times[-1])
+            self.view.change(throw)
+            self.slider.value, self.slider.max = 0, round(1e3 * self.end)
+            self.legend.content = _legend(throw.shown_phases())
+            self.go(self.time if self.playing else throw.throw.opening_time)
+
+    def show(self, time: float) -> str:
+        """Move the view to `time` [s]; its phase."""
+        self.view.show(time)
+        phases = self.throw.shown_phases().items()
+        phase = [name for name, start in phases if name in PHASES and start <= time][-1]
+        phase = self.throw.line.end if phase == "landed" else phase
+        since = 1e3 * (time - self.throw.throw.opening_time)
+        return (
+            f"**{phase}**, {1e3 * time:.0f} ms "
+            f"(opening {'−' if since < 0 else '+'} {abs(since):.0f} ms)"
+        )
 
 
 def _legend(phases: dict[str, float]) -> str:

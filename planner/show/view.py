@@ -1,7 +1,4 @@
-"""The 3-D view of a throw: poses of links, hand and bar over time, and their viser scene.
-
-The throw's plane is the one of its target.
-"""
+"""The 3-D view of a throw: its viser scene."""
 
 from __future__ import annotations
 
@@ -13,15 +10,13 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array
-from ...models.robot import Arm, DHRow, PlanarArm, placement
-from .drawings import cup_profile
+from ...models.robot import Arm, DHRow, placement
 from .object_mesh import half_thickness, object_mesh
+from .space_throw import SpaceThrow
 from .style import ARM, BLACK, PHASES
-from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
-    from ...problems import Pose, Scene, ThrowPlane
-    from ..throw import Throw
+    from ...problems import Pose
 
 
 #: Colour of links.
@@ -59,80 +54,6 @@ class ViewShapes:
 SHAPES = ViewShapes()
 
 
-@dataclass(frozen=True)
-class SpaceThrow:
-    """4x4 poses in the base frame over `line.times` (N,).
-
-    hand (N, 4, 4): at the pads' centre, x the approach axis, z the plane's normal, which
-    the pads press along; bar (N, 4, 4): at the CoM, x along the bar. joints (N, n, 4, 4):
-    the arm's frames after each joint, n = 0 for a hand.
-    """
-
-    throw: Throw
-    line: Timeline
-    hand: Array
-    bar: Array
-    joints: Array
-
-    @property
-    def scene(self) -> Scene:
-        """The scene, aimed at the target."""
-        return self.throw.scene
-
-    @property
-    def plane(self) -> ThrowPlane:
-        """The throw's plane in the base frame."""
-        return self.throw.target.plane
-
-    def phases(self) -> dict[str, float]:
-        """First instant [s] of each phase that occurs, and of the landing.
-
-        On the limit surface pivoting and sliding start together; the phase is then slide.
-        """
-        opening = self.throw.opening_time
-        found = {"carry": 0.0, "stick": opening}
-        for name, onset in zip(("pivot", "slide"), self.throw.deciding.onsets, strict=True):
-            if onset is not None:
-                found[name] = opening + float(onset)
-        if found.get("pivot", -1.0) == found.get("slide"):
-            del found["pivot"]
-        return found | {"flight": self.throw.detach_time, "landing": self.throw.landing_time}
-
-    def shown_phases(self) -> dict[str, float]:
-        """`phases`, and the motion after the landing where it is followed."""
-        landed = {"landed": self.throw.landing_time} if self.line.end else {}
-        return self.phases() | landed
-
-    def target(self, target: Pose | None = None) -> Array:
-        """Pose (4, 4) of a target, default the throw's; of a region that nearest to the landing;
-        the landing's angle if its own is open."""
-        x, _, landed = map(float, self.line.com[:, self.line.index(self.throw.landing_time)])
-        target = (target or self.throw.target).nearest(x, landed)
-        theta = landed if target.theta is None else target.theta
-        poses = target.plane.poses(np.array([[target.plane_x], [target.z], [theta]]))
-        return np.asarray(poses[0])
-
-    def extent(self) -> tuple[Array, Array]:
-        """Least and largest (x, z) in the plane of what moves, the cup and an arm's base."""
-        low, high = self.line.extent(self.scene)
-        if self.scene.cup is not None:
-            cup = cup_profile(self.scene.cup)
-            low, high = np.minimum(low, cup.min(axis=0)), np.maximum(high, cup.max(axis=0))
-        if self.scene.arm is not None:
-            low, high = np.minimum(low, [-0.1, 0.0]), np.maximum(high, [0.1, 0.0])
-        return low, high
-
-
-def space_throw(throw: Throw) -> SpaceThrow:
-    """The throw in space every millisecond, see `timeline`."""
-    line, plane = timeline(throw), throw.target.plane
-    hand, bar = plane.poses(line.hand), plane.poses(line.com)
-    joints = np.empty((len(line.times), 0, 4, 4))
-    if isinstance(throw.manipulator.kinematics, PlanarArm):
-        joints = _joint_frames(throw, throw.manipulator.kinematics, line.times)
-    return SpaceThrow(throw, line, hand, bar, joints)
-
-
 def link_pieces(arm: Arm) -> list[list[tuple[Array, Array]]]:
     """Straight pieces (begin, end) [m] that show the links: of the base, then of each joint.
 
@@ -149,20 +70,84 @@ def link_pieces(arm: Arm) -> list[list[tuple[Array, Array]]]:
     return [[p for p in pieces if np.linalg.norm(p[1] - p[0]) > 1e-6] for pieces in pieces_of]
 
 
-def _joint_frames(throw: Throw, kinematics: PlanarArm, times: Array) -> Array:
-    """The arm's frames (N, n, 4, 4) after each joint."""
-    arm = kinematics.arm
-    moving = throw.path.at(times).pose
-    joints = np.tile(np.array(arm.posture)[:, None], (1, len(times)))
-    joints[arm.azimuth_joint - 1] = arm.azimuth_angle(throw.target.plane.azimuth)
-    joints[[j - 1 for j in kinematics.throwing_joints]] = moving
-    q = ca.SX.sym("q", arm.joints)
-    function = ca.Function("frames", [q], [ca.horzcat(*arm.frames(q)[: arm.joints])])
-    values = np.array(function.map(len(times))(joints))
-    return values.reshape(4, len(times), arm.joints, 4).transpose(1, 2, 0, 3)
+class ObjectView:
+    """What a throw moves and where to, in a viser server: bar, target, cup, path of the CoM.
+
+    root: name in front of those of its nodes. with_target: whether target and cup are drawn.
+    """
+
+    def __init__(
+        self, server: Any, throw: SpaceThrow, root: str = "", with_target: bool = True
+    ) -> None:
+        self.server, self.throw, self.scene, self.root = server, throw, server.scene, root
+        self.half_thickness = max(half_thickness(throw.scene), SHAPES.min_half)
+        self.faded, self._bodies = False, list[Any]()
+        if with_target:
+            self._draw_target()
+        self.bar = self.scene.add_frame(f"{root}/bar", show_axes=False)
+        self.box = self._body(self.add_bar(f"{root}/bar/box", PHASES["carry"], None))
+        radius = 0.55 * self.half_thickness + 0.004
+        for side in (-1, 1):
+            name, at = f"{root}/bar/com{side}", (0.0, 0.0, side * self.half_thickness)
+            self._body(self.scene.add_icosphere(name, radius, rgb(BLACK), position=at))
+
+    def aim(self, target: Pose) -> None:
+        """Moves target and cup to a target pose."""
+        put(self.target, self.throw.target(target))
+        cup = self.throw.scene.aimed_at(target).cup
+        if cup is not None:
+            self.cup.position = target.plane.points(cup.x, cup.rim)
+
+    def _body(self, node: Any) -> Any:
+        """Keeps a shape that moves with the throw, to fade it; returns it."""
+        self._bodies.append(node)
+        return node
+
+    def add_bar(self, name: str, colour: str, opacity: float | None) -> Any:
+        """A box of the bar's length and width about the CoM's frame; a mesh, or an outline."""
+        bar, cast = self.throw.scene.object, opacity is None
+        if bar.outline:
+            look = {"color": rgb(colour), "opacity": opacity, "cast_shadow": cast}
+            return self.scene.add_mesh_simple(name, *object_mesh(bar), **look)
+        size = (bar.length, 2 * self.half_thickness, 2 * self.half_thickness)
+        place = {"position": (bar.length / 2 - bar.com, 0.0, 0.0), "opacity": opacity}
+        return self.scene.add_box(name, rgb(colour), size, cast_shadow=cast, **place)
+
+    def _draw_target(self) -> None:
+        """The target pose, and a cup: wall and bottom to look through, a solid rim."""
+        from trimesh.creation import revolve
+
+        self.target = self.scene.add_frame(f"{self.root}/target", show_axes=False)
+        self.scene.add_icosphere(f"{self.root}/target/com", 0.008, rgb(BLACK))
+        if self.throw.throw.target.theta is not None:
+            self.add_bar(f"{self.root}/target/ghost", BLACK, 0.25)
+        cup = self.throw.scene.cup
+        if cup is None:
+            return
+        self.cup = self.scene.add_frame(f"{self.root}/cup", show_axes=False)
+        look = {"color": rgb(CUP), "side": "double", "cast_shadow": False, "receive_shadow": False}
+        # Profiles that are turned about z.
+        wall = np.array([[0.0, -cup.depth], [cup.radius, -cup.depth], [cup.radius, 0.0]])
+        angle, half = np.linspace(0.0, 2 * np.pi, 13), SHAPES.rim / 2
+        ring = np.column_stack([cup.radius + half * (1 + np.cos(angle)), half * np.sin(angle)])
+        for name, profile, opacity in (("wall", wall, 0.45), ("rim", ring, None)):
+            mesh, look["opacity"] = revolve(profile, sections=48), opacity
+            self.scene.add_mesh_simple(f"{self.root}/cup/{name}", mesh.vertices, mesh.faces, **look)
+
+    def draw_path(self) -> None:
+        """The CoM's path, coloured by phase, and the marks on it."""
+        throw, line = self.throw, self.throw.line
+        path = throw.plane.points(line.com[0], line.com[1])
+        palette = np.array([rgb(colour) for colour in PHASES.values()])
+        if self.faded:
+            palette = 255 - (SHAPES.faded * (255 - palette)).astype(int)
+        colours = palette.astype(np.uint8)[line.phase]
+        pieces = np.stack([path[:-1], path[1:]], axis=1)
+        colours = np.repeat(colours[1:, None], 2, axis=1)
+        self.scene.add_line_segments(f"{self.root}/path", pieces, colours, thickness=0.006)
 
 
-class View:
+class View(ObjectView):
     """A throw in a viser server.
 
     `show` moves all bodies to a time, `change` takes another throw of the scene, `fade` shows it
@@ -170,20 +155,11 @@ class View:
     """
 
     def __init__(self, server: Any, throw: SpaceThrow) -> None:
-        self.server, self.throw, self.scene = server, throw, server.scene
-        self.half_thickness = max(half_thickness(throw.scene), SHAPES.min_half)
-        self.faded, self.floor, self._bodies = False, math.inf, list[Any]()
+        super().__init__(server, throw)
+        self.floor = math.inf
         self._draw_surroundings()
-        self._draw_target()
         self.joints = self._draw_arm()
         self.hand, self.pads = self._draw_hand()
-        self.bar = self.scene.add_frame("/bar", show_axes=False)
-        self.box = self._body(self.add_bar("/bar/box", PHASES["carry"], None))
-        radius = 0.55 * self.half_thickness + 0.004
-        for side in (-1, 1):
-            at = (0.0, 0.0, side * self.half_thickness)
-            ball = self.scene.add_icosphere(f"/bar/com{side}", radius, rgb(BLACK), position=at)
-            self._body(ball)
         self._aim_camera()
         self.change(throw)
 
@@ -193,7 +169,8 @@ class View:
         with self.server.atomic():
             self.aim(throw.throw.target)
             self._draw_floor()
-            self._draw_path()
+            self.draw_path()
+            self._draw_marks()
             self.show(0.0)
 
     def fade(self, faded: bool) -> None:
@@ -204,14 +181,7 @@ class View:
         with self.server.atomic():
             for body in self._bodies:
                 body.opacity = SHAPES.faded if faded else None
-            self._draw_path()
-
-    def aim(self, target: Pose) -> None:
-        """Moves target and cup to a target pose."""
-        put(self.target, self.throw.target(target))
-        cup = self.throw.scene.aimed_at(target).cup
-        if cup is not None:
-            self.cup.position = target.plane.points(cup.x, cup.rim)
+            self.draw_path()
 
     def show(self, time: float) -> int:
         """Moves everything to `time` [s]; returns the instant's index."""
@@ -223,12 +193,15 @@ class View:
             put(self.hand, throw.hand[i])
             put(self.bar, throw.bar[i])
             self.box.color = rgb(PHASES[throw.line.phase_name(i)])
-            since = max(0.0, float(throw.line.times[i]) - throw.throw.detach_time)
-            gap = self.half_thickness + min(SHAPES.pad_travel, SHAPES.pad_speed * since)
-            for side, pad in zip((-1, 1), self.pads, strict=True):
-                middle = SHAPES.pad_ahead - pad.dimensions[0] / 2
-                pad.position = (middle, 0.0, side * (gap + SHAPES.pad_thickness / 2))
+            self._open_pads(float(throw.line.times[i]) - throw.throw.detach_time)
         return i
+
+    def _open_pads(self, since: float) -> None:
+        """Moves the pads to where they are `since` [s] after detach; below 0 they hold the bar."""
+        gap = self.half_thickness + min(SHAPES.pad_travel, SHAPES.pad_speed * max(0.0, since))
+        for side, pad in zip((-1, 1), self.pads, strict=True):
+            middle = SHAPES.pad_ahead - pad.dimensions[0] / 2
+            pad.position = (middle, 0.0, side * (gap + SHAPES.pad_thickness / 2))
 
     def _draw_arm(self) -> list[Any]:
         """The arm's links and joints; returns the nodes that move with each joint."""
@@ -279,21 +252,6 @@ class View:
         pads = [self.scene.add_box(f"/hand/pad{k}", rgb(PAD), dimensions=size) for k in (1, 2)]
         return node, [self._body(pad) for pad in pads]
 
-    def _body(self, node: Any) -> Any:
-        """Keeps a shape that moves with the throw, to fade it; returns it."""
-        self._bodies.append(node)
-        return node
-
-    def add_bar(self, name: str, colour: str, opacity: float | None) -> Any:
-        """A box of the bar's length and width about the CoM's frame; a mesh, or an outline."""
-        bar, cast = self.throw.scene.object, opacity is None
-        if bar.outline:
-            look = {"color": rgb(colour), "opacity": opacity, "cast_shadow": cast}
-            return self.scene.add_mesh_simple(name, *object_mesh(bar), **look)
-        size = (bar.length, 2 * self.half_thickness, 2 * self.half_thickness)
-        place = {"position": (bar.length / 2 - bar.com, 0.0, 0.0), "opacity": opacity}
-        return self.scene.add_box(name, rgb(colour), size, cast_shadow=cast, **place)
-
     def _draw_surroundings(self) -> None:
         """Base column and obstacles."""
         from trimesh.creation import box, capsule
@@ -328,38 +286,10 @@ class View:
             look = {"cell_size": 0.1, "section_size": 0.5, "shadow_opacity": 0.0}
             self.scene.add_grid("/floor", 6.0, 6.0, position=(0.0, 0.0, floor), **look)
 
-    def _draw_target(self) -> None:
-        """The target pose, and a cup: wall and bottom to look through, a solid rim."""
-        from trimesh.creation import revolve
-
-        self.target = self.scene.add_frame("/target", show_axes=False)
-        self.scene.add_icosphere("/target/com", 0.008, rgb(BLACK))
-        if self.throw.throw.target.theta is not None:
-            self.add_bar("/target/ghost", BLACK, 0.25)
-        cup = self.throw.scene.cup
-        if cup is None:
-            return
-        self.cup = self.scene.add_frame("/cup", show_axes=False)
-        look = {"color": rgb(CUP), "side": "double", "cast_shadow": False, "receive_shadow": False}
-        # Profiles that are turned about z.
-        wall = np.array([[0.0, -cup.depth], [cup.radius, -cup.depth], [cup.radius, 0.0]])
-        angle, half = np.linspace(0.0, 2 * np.pi, 13), SHAPES.rim / 2
-        ring = np.column_stack([cup.radius + half * (1 + np.cos(angle)), half * np.sin(angle)])
-        for name, profile, opacity in (("wall", wall, 0.45), ("rim", ring, None)):
-            mesh, look["opacity"] = revolve(profile, sections=48), opacity
-            self.scene.add_mesh_simple(f"/cup/{name}", mesh.vertices, mesh.faces, **look)
-
-    def _draw_path(self) -> None:
-        """The CoM's path, coloured by phase, and the marks on it."""
+    def _draw_marks(self) -> None:
+        """The marks on the path, with their names."""
         throw, line = self.throw, self.throw.line
         path = throw.plane.points(line.com[0], line.com[1])
-        palette = np.array([rgb(colour) for colour in PHASES.values()])
-        if self.faded:
-            palette = 255 - (SHAPES.faded * (255 - palette)).astype(int)
-        colours = palette.astype(np.uint8)[line.phase]
-        pieces = np.stack([path[:-1], path[1:]], axis=1)
-        colours = np.repeat(colours[1:, None], 2, axis=1)
-        self.scene.add_line_segments("/path", pieces, colours, thickness=0.006)
         # Names of marks at the release are at different heights: the marks are close together.
         for (name, time), drop in zip(line.marks.items(), (0.2, 0.13, 0.06, 0.0), strict=True):
             mark, at, down = f"/marks/{name}", path[line.index(time)], np.array([0.0, 0.0, -drop])

@@ -22,9 +22,11 @@ import numpy as np
 from ...core.compile import scratch_folder
 from ...models import Array
 from ...problems import InputError
+from .cycle_view import CycleView, SpaceCycle
+from .space_throw import SpaceThrow
 from .style import PHASES
 from .throw_picture import CARRIED, FLYING, SLOW, frame_words
-from .view import SpaceThrow, View, put
+from .view import View, put
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw
@@ -270,30 +272,34 @@ def _paint_glass(image: Image.Image, places: Array, colours: Array, opacity: flo
     image.paste(layer, tuple(low.astype(int).tolist()), mask)
 
 
-def save_in_space(throw: SpaceThrow, kind: str, path: Path) -> None:
+def save_in_space(shown: SpaceThrow | SpaceCycle, kind: str, path: Path) -> None:
     """A 3-D picture ("png") just before detach, with poses of the bar; or a film ("mp4") at a fifth
-    of the throw's speed, whose last frame stays half a second.
+    of the throw's speed, a cycle's at its own, whose last frame stays half a second.
 
     Leaves no partial file; InputError if the file cannot be written, and for a film without ffmpeg
     or trimesh.
     """
-    (_save_picture if kind == "png" else _save_film)(throw, path)
+    (_save_picture if kind == "png" else _save_film)(shown, path)
 
 
-def _save_picture(throw: SpaceThrow, path: Path) -> None:
+def _save_picture(shown: SpaceThrow | SpaceCycle, path: Path) -> None:
     painter = Painter()
-    view = View(painter, throw)
-    _add_ghosts(view)
-    view.show(throw.throw.detach_time - 0.002)
+    if isinstance(shown, SpaceCycle):
+        CycleView(painter, shown).show(shown.begins[0] + shown.throws[0].throw.detach_time - 0.002)
+    else:
+        view = View(painter, shown)
+        _add_ghosts(view)
+        view.show(shown.throw.detach_time - 0.002)
     with _replacement(path, "png") as file:
-        painter.picture(throw.scene.name).save(file)
+        painter.picture(shown.name).save(file)
 
 
-def _save_film(throw: SpaceThrow, path: Path) -> None:
+def _save_film(shown: SpaceThrow | SpaceCycle, path: Path) -> None:
     with _replacement(path, "mp4") as file:
         if shutil.which("ffmpeg") is None:
             raise InputError("--mp4: needs ffmpeg, which is not installed")
-        if status := _encode(_film(throw), file):
+        film = _cycle_film(shown) if isinstance(shown, SpaceCycle) else _film(shown)
+        if status := _encode(film, file):
             raise InputError(f"--mp4 {path}: ffmpeg failed with status {status}")
 
 
@@ -336,6 +342,17 @@ def _film(throw: SpaceThrow) -> Iterator[Image.Image]:
         for passed, ghost in ghosts:
             ghost.visible = passed <= time
         picture = painter.picture(frame_words(line, i))
+        yield picture
+    yield from [picture] * (FILM_FPS // 2)
+
+
+def _cycle_film(cycle: SpaceCycle) -> Iterator[Image.Image]:
+    """The frames of a cycle's film, one after another."""
+    painter = Painter()
+    view = CycleView(painter, cycle)
+    for time in np.arange(0.0, cycle.times[-1], 1 / FILM_FPS):
+        i = view.show(time)
+        picture = painter.picture(f"t = {time:.2f} s   {cycle.words(i)}")
         yield picture
     yield from [picture] * (FILM_FPS // 2)
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.planner.robot import cycle_in_space
 from throwplan.planner.show import serving, space_throw
 
 AZIMUTH = np.radians(20.0)
@@ -118,3 +119,28 @@ def test_the_button_goes_to_the_release(panel: Any) -> None:
     panel.release.value = True
     assert panel.time == panel.throw.throw.opening_time
     assert "**stick**" in panel.words.content
+
+
+def test_a_cycle_moves_each_object_from_its_pick_to_its_bin(cycled, free_port) -> None:
+    """Each lies at its pick until it is held, is carried without a jump, and ends at its target;
+    the arm goes on meanwhile."""
+    space, _ = cycle_in_space(cycled)
+    assert space.names == ("part", "other part")
+    picks = (0.45, 0.1), (0.45, -0.1)
+    for bar, throw, held, (x, y) in zip(space.bars, space.throws, space.held, picks, strict=True):
+        before = bar[: space.index(held) + 1, :3, 3]
+        np.testing.assert_allclose(before, np.broadcast_to(before[0], before.shape), atol=1e-12)
+        # It hangs from the hand, which points down.
+        place = x, y, 0.35 - throw.scene.com_offset
+        np.testing.assert_allclose(before[0], place, atol=1e-6)
+        assert np.linalg.norm(np.diff(bar[:, :3, 3], axis=0), axis=1).max() < 0.006
+        target = throw.throw.target
+        assert np.linalg.norm(bar[-1, :3, 3] - (target.x, target.y, target.z)) < 5e-3
+    with serving(space, free_port()) as (_, panel):
+        for time in (0.0, space.held[1], float(space.times[-1])):
+            panel.go(time)
+            i = space.index(time)
+            np.testing.assert_allclose(panel.view.hand.position, space.hand[i, :3, 3])
+            for one, bar in zip(panel.view.objects, space.bars, strict=True):
+                np.testing.assert_allclose(one.bar.position, bar[i, :3, 3])
+        assert panel.words.content.startswith("**other part: ")

@@ -10,56 +10,34 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from job_lists import broken_limits, random_jobs
+from job_lists import ONE, broken_limits, random_jobs
 from throwplan.planner.cli import main
 from throwplan.planner.cycle import plan_cycle, read_cycle, save_cycle
 from throwplan.problems import jobs_names, load_jobs
 
-ONE = """
-scene = "pose"
-[[bin]]
-name = "bin"
-target = { x = 1.0, y = 0.3, z = 0.2, theta_deg = -90.0 }
-[[pick]]
-name = "part"
-x = 0.45
-y = 0.1
-z = 0.35
-"""
+
+def test_a_cycle_breaks_no_limit(cycled: Path) -> None:
+    assert broken_limits(cycled) == []
 
 
-@pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a cycle with one part."""
-    folder = tmp_path_factory.mktemp("cycle")
-    jobs = folder / "one.toml"
-    jobs.write_text(ONE)
-    assert main(["cycle", str(jobs), "--out", str(folder / "out")]) == 0
-    return folder / "out"
-
-
-def test_a_cycle_breaks_no_limit(one: Path) -> None:
-    assert broken_limits(one) == []
-
-
-def test_it_is_faster_than_with_stops_and_returns(one: Path) -> None:
-    cycle = json.loads((one / "cycle.json").read_text())
+def test_it_is_faster_than_with_stops_and_returns(cycled: Path) -> None:
+    cycle = json.loads((cycled / "cycle.json").read_text())
     assert cycle["duration"] < cycle["with_stops"]
-    q = read_cycle(one).samples.q
+    q = read_cycle(cycled).samples.q
     assert np.array_equal(q[0], q[-1])
 
 
-def test_a_cycle_is_read_back_and_judged_again(one: Path, tmp_path: Path) -> None:
-    cycle = read_cycle(one)
+def test_a_cycle_is_read_back_and_judged_again(cycled: Path, tmp_path: Path) -> None:
+    cycle = read_cycle(cycled)
     assert cycle.solved
     save_cycle(cycle, tmp_path)
-    assert (tmp_path / "motion.csv").read_text() == (one / "motion.csv").read_text()
+    assert (tmp_path / "motion.csv").read_text() == (cycled / "motion.csv").read_text()
 
 
-def test_an_edited_motion_is_refused_by_the_verdict(one: Path, tmp_path: Path) -> None:
+def test_an_edited_motion_is_refused_by_the_verdict(cycled: Path, tmp_path: Path) -> None:
     """A joint that jumps at one sample breaks limits of velocity, acceleration or jerk."""
-    shutil.copy(one / "cycle.json", tmp_path)
-    lines = (one / "motion.csv").read_text().splitlines()
+    shutil.copy(cycled / "cycle.json", tmp_path)
+    lines = (cycled / "motion.csv").read_text().splitlines()
     cells = lines[200].split(",")
     cells[1] = str(float(cells[1]) + 0.01)
     lines[200] = ",".join(cells)
@@ -137,3 +115,23 @@ def test_random_job_lists_break_no_limit(tmp_path: Path) -> None:
         assert broken_limits(tmp_path) == [], seed
         ratios.append(cycle.duration / cycle.stops)
     assert max(ratios) < 1.0 and statistics.median(ratios) < 0.9
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "plan.json: no such file"),
+        ("{", "cycle.json: is not JSON"),
+        ('{"status": "solved"}', "cycle.json: is not a cycle file"),
+        ('{"steps": [], "format": 0}', "a cycle file of version 0, must be 1"),
+    ],
+)
+def test_folders_without_a_cycle_are_named(text, words, tmp_path, refused) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    if text is not None:
+        (folder / "cycle.json").write_text(text)
+    commands = ("export", folder, "--ros", tmp_path / "bag"), ("replay", folder), ("view", folder)
+    for command in commands:
+        said = refused(*command)
+        assert words in said and str(folder) in said

@@ -247,6 +247,22 @@ def test_the_program_for_libfranka_sends_the_motion_and_opens_in_its_cycle(turne
     assert width == 0.08 and cycles >= int(row["cycle"])
 
 
+@pytest.fixture
+def node_of(tmp_path, monkeypatch):
+    """A function that runs the node of the bag in `tmp_path`; returns the goals that it sent."""
+
+    def running() -> list[tuple[str, Any, float]]:
+        sent: list[tuple[str, Any, float]] = []
+        for name, module in ros_modules(tmp_path, sent).items():
+            monkeypatch.setitem(sys.modules, name, module)
+        monkeypatch.setattr("builtins.input", lambda words: "")
+        monkeypatch.setattr("time.sleep", lambda seconds: None)
+        runpy.run_path(str(tmp_path / "throw_node.py"), run_name="__main__")
+        return sent
+
+    return running
+
+
 def ros_modules(bag: Path, sent: list[tuple[str, Any, float]]) -> dict[str, Any]:
     """Stand-ins for what throw_node.py imports of ROS 2; goals go to `sent`, with their times."""
     names = ["control_msgs.action", "control_msgs.msg", "trajectory_msgs.msg", "rosbag2_py"]
@@ -300,16 +316,10 @@ def ros_modules(bag: Path, sent: list[tuple[str, Any, float]]) -> dict[str, Any]
     return found
 
 
-def test_the_node_for_ros_sends_both_goals_in_time(turned, tmp_path, run, monkeypatch) -> None:
+def test_the_node_for_ros_sends_both_goals_in_time(turned, tmp_path, run, node_of) -> None:
     """To the start pose, then the trajectory, then the gripper's command on its clock."""
     run("export", turned[1], "--ros", tmp_path)
-    sent: list[tuple[str, Any, float]] = []
-    for name, module in ros_modules(tmp_path, sent).items():
-        monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.setattr("builtins.input", lambda words: "")
-    monkeypatch.setattr("time.sleep", lambda seconds: None)
-    runpy.run_path(str(tmp_path / "throw_node.py"), run_name="__main__")
-    (_, way, _), (_, throw, _), (gripper, opening, when) = sent
+    (_, way, _), (_, throw, _), (gripper, opening, when) = node_of()
     trajectory = throw.trajectory
     first = trajectory.points[0].positions
     np.testing.assert_array_equal(way.trajectory.points[0].positions, first)
@@ -319,3 +329,61 @@ def test_the_node_for_ros_sends_both_goals_in_time(turned, tmp_path, run, monkey
     # The stand-in's clock goes on by 1 ms whenever it is read.
     assert when - trajectory.header.stamp == pytest.approx(command, abs=2.1e-3)
     assert gripper == "/gripper_controller/gripper_cmd" and opening.command.position == 0.08
+
+
+def test_a_cycles_bag_closes_at_each_pick_and_opens_for_each_throw(
+    cycled, tmp_path, run, table, node_of
+) -> None:
+    """The bag is motion.csv, number by number; the node sends its commands on the same clock."""
+    done = run("export", cycled, "--ros", tmp_path, "--open-width", "0.06", "--json")
+    assert done.status == 0
+    motion, steps = table(cycled / "motion.csv"), json.loads((cycled / "cycle.json").read_text())
+    bag = read_bag(tmp_path)
+    ((_, _, trajectory),) = bag["/joint_trajectory"]
+    values = np.array([point.positions for point in trajectory.points])
+    wanted = np.column_stack([motion[f"q{j}"] for j in JOINTS])
+    np.testing.assert_allclose(values, wanted, rtol=0, atol=1e-9)
+    # The gripper as motion.csv has it, a sample each.
+    times = 1e-9 * np.array([time for time, _, _ in bag["/gripper_command"]])
+    closing = [command.position == 0.0 for _, _, command in bag["/gripper_command"]]
+    assert closing == [True, False] * 2
+    last = np.searchsorted(times, motion["t"] + 1e-9) - 1
+    np.testing.assert_array_equal(np.array([*closing, False])[last], motion["gripper"] == 1.0)
+    for (_, _, close), (_, _, opened), step in zip(
+        bag["/gripper_command"][::2], bag["/gripper_command"][1::2], steps["steps"], strict=True
+    ):
+        force = step["definition"]["gripper"]["force"]
+        assert (close.max_effort, opened.position) == (force, 0.06)
+    assert done.json["command_times"] == [step["command_time"] for step in steps["steps"]]
+    (_, _, _), (_, throw, _), *commands = node_of()
+    sent = np.array([when - throw.trajectory.header.stamp for _, _, when in commands])
+    np.testing.assert_allclose(sent, times, atol=2.1e-3)
+
+
+def test_what_does_not_take_a_cycle_says_so(cycled, tmp_path, refused, untouched) -> None:
+    untouched()
+    said = refused("export", cycled, "--franka", tmp_path / "franka")
+    assert "--franka: not for a cycle" in said and "--ros" in said
+    assert "--ros: is missing" in refused("export", cycled)
+    for words in (("run", cycled, "--dry"), ("correct", cycled / "cycle.json", "run.csv")):
+        said = refused(*words)
+        assert "is a cycle, must be a plan" in said and "throwplan export" in said
+
+
+def test_an_edited_cycle_is_not_sent(cycled, tmp_path, refused) -> None:
+    """Rates that are not those of the positions; an opening that comes before the grasp."""
+    folder = Path(shutil.copytree(cycled, tmp_path / "edited"))
+    lines = (folder / "motion.csv").read_text().splitlines()
+    column = lines[0].split(",").index("dq1")
+    rows = [line.split(",") for line in lines]
+    for row in rows[1:]:
+        row[column] = str(0.5 * float(row[column]))
+    (folder / "motion.csv").write_text("\n".join(",".join(row) for row in rows) + "\n")
+    assert "not sent, joint 1" in refused("export", folder, "--ros", tmp_path / "bag")
+    folder = Path(shutil.copytree(cycled, tmp_path / "early"))
+    table = json.loads((folder / "cycle.json").read_text())
+    table["steps"][0]["definition"]["gripper"]["dwell"] = 1.0
+    (folder / "cycle.json").write_text(json.dumps(table))
+    said = refused("export", folder, "--ros", tmp_path / "bag")
+    assert "before it is held" in said
+    assert not (tmp_path / "bag").exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import shutil
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import edit_plan
+from throwplan.planner.cycle import Cycle, read_cycle
+from throwplan.planner.robot import replay_cycle
 
 pytest.importorskip("mujoco")
 
@@ -160,3 +163,64 @@ def test_without_gravity_nothing_comes_down(saved, tmp_path) -> None:
     result = tp.replay(edited(saved("near-cup"), tmp_path / "space", gravity=0.0), step=COARSE)
     answer = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert not answer["cup"]["at_rest"] or not answer["cup"]["in"]
+
+
+def test_a_cycles_objects_land_in_mujoco_where_they_are_to(cycled, tmp_path, run, table) -> None:
+    """By the command line; the paths are flights in the base frame, on the cycle's clock."""
+    done = run("replay", cycled, "--out", tmp_path, "--json")
+    assert done.status == 0
+    steps = json.loads((cycled / "cycle.json").read_text())["steps"]
+    assert [(one["pick"], one["bin"]) for one in done.json["steps"]] == [
+        (step["pick"], step["bin"]) for step in steps
+    ]
+    paths = table(tmp_path / "replay.csv")
+    for number, (one, step) in enumerate(zip(done.json["steps"], steps, strict=True), start=1):
+        landing, target = one["landing"]["mujoco"], step["target"]
+        assert one["inside"] and "hand" not in one["touched"]
+        assert math.hypot(landing["x"] - target["x"], landing["y"] - target["y"]) < 2e-3
+        path = paths[paths["object"] == number]
+        assert path["t"][0] == pytest.approx(step["opening_time"], abs=1e-6)
+        free = path[path["t"] > step["detach_time"]]
+        for name, degree, bend in (("x", 1, 0.0), ("y", 1, 0.0), ("z", 2, -9.81 / 2)):
+            curve = np.polynomial.Polynomial.fit(free["t"], free[name], degree).convert()
+            assert np.abs(curve(free["t"]) - free[name]).max() < 1e-6
+            assert bend == 0.0 or curve.coef[2] == pytest.approx(bend, rel=1e-4)
+    said = run("replay", cycled).out
+    assert "two: in MuJoCo 2 of 2 land inside the tolerance" in said
+
+
+def test_the_hand_goes_on_as_in_the_cycle(cycled) -> None:
+    """In its swings it is where the throws have it; it comes to the picks and ends at the first."""
+    cycle = read_cycle(cycled)
+    for step, throw in zip(cycle.steps, cycle.throws, strict=True):
+        times = 1e-3 * np.arange(step.free - step.join)
+        own = throw.target.plane.poses(throw.manipulator.hand(throw.to_rest).at(times).pose)
+        _, hand = cycle.arm_at(times + 1e-3 * step.join)
+        np.testing.assert_allclose(hand, own, rtol=0, atol=1e-9)
+    _, (first, second, last) = cycle.arm_at(np.array([0.0, 1e-3 * cycle.steps[1].reach, 99.0]))
+    # The picks of the job file, hand down.
+    for pose, (x, y, z) in ((first, (0.45, 0.1, 0.35)), (last, (0.45, 0.1, 0.35))):
+        np.testing.assert_allclose(pose[:3, 3], (x, y, z), rtol=0, atol=1e-6)
+        np.testing.assert_allclose(pose[:3, 0], (0, 0, -1), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(second[:3, 3], (0.45, -0.1, 0.35), rtol=0, atol=1e-6)
+
+
+def test_the_object_hits_the_hand_where_the_cycle_moves_it(cycled) -> None:
+    """The palm stands where the object is 0.2 s after detach."""
+    cycle = read_cycle(cycled)
+    cycle = dataclasses.replace(cycle, steps=cycle.steps[:1])
+    (throw,), (free,) = cycle.throws, replay_cycle(cycle, step=COARSE).replays
+    assert free.hits == []
+    tool, x, z = (
+        throw.scene.arm.tool,
+        *free.com[:2, np.searchsorted(free.times, throw.detach_time + 0.2)],
+    )
+    up = np.array([[x], [z + (tool.palm_back + tool.palm_front) / 2], [math.pi / 2]])
+
+    class Blocked(Cycle):
+        def arm_at(self, times):
+            frames, _ = super().arm_at(times)
+            return frames, np.tile(throw.target.plane.poses(up), (len(times), 1, 1))
+
+    fields = {one.name: getattr(cycle, one.name) for one in dataclasses.fields(Cycle)}
+    assert replay_cycle(Blocked(**fields), step=COARSE).replays[0].hits == ["hand"]

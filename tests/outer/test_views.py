@@ -134,6 +134,12 @@ def test_a_picture_of_the_scene(saved, run, tmp_path) -> None:
         assert places.min() > 0 and (places.max(axis=0) < np.array(there.shape) - 1).all()
 
 
+def seconds_of(film: Path) -> float:
+    """The length of a film [s]."""
+    probe = ["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0"]
+    return float(subprocess.run([*probe, film], capture_output=True, check=True).stdout)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg here")
 def test_a_film(saved, run, tmp_path) -> None:
@@ -141,8 +147,30 @@ def test_a_film(saved, run, tmp_path) -> None:
     said = run("view", saved("hand-flip"), "--mp4", path, "--json")
     assert said.json == {"mp4": str(path)}
     assert os.listdir(path.parent) == ["throw.mp4"]
-    probe = ["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0"]
-    length = float(subprocess.run([*probe, path], capture_output=True, check=True).stdout)
     landing = json.loads((saved("hand-flip") / "plan.json").read_text())["release"]["landing_time"]
     # A fifth of the speed, and half a second more for the last frame.
-    assert length == pytest.approx(5 * landing + 0.5, abs=0.1)
+    assert seconds_of(path) == pytest.approx(5 * landing + 0.5, abs=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg here")
+def test_a_cycles_film_is_as_fast_as_the_cycle(cycled, run, tmp_path) -> None:
+    assert run("view", cycled, "--mp4", tmp_path / "cycle.mp4").status == 0
+    duration = json.loads((cycled / "cycle.json").read_text())["duration"]
+    assert seconds_of(tmp_path / "cycle.mp4") == pytest.approx(duration + 0.5, abs=0.1)
+
+
+def test_a_cycle_is_served_and_painted(cycled, run, free_port, tmp_path) -> None:
+    """The page's facts are its phases, each object's in order; a picture has the size of all."""
+    done = run("view", cycled, "--port", free_port(), "--no-browser", "--hold", "0.05", "--json")
+    assert done.status == 0
+    steps = json.loads((cycled / "cycle.json").read_text())["steps"]
+    phases = done.json["phases"]
+    assert list(phases) == [step["pick"] for step in steps]
+    for own, step in zip(phases.values(), steps, strict=True):
+        assert list(own.values()) == sorted(own.values())
+        for name, moment in (("carry", "held"), ("stick", "opening"), ("landing", "landing")):
+            assert own[name] == pytest.approx(step[f"{moment}_time"], abs=1e-9)
+    assert run("view", cycled, "--png", tmp_path / "cycle.png").status == 0
+    with Image.open(tmp_path / "cycle.png") as picture:
+        assert picture.size == (960, 720) and picture.getextrema() != ((255, 255),) * 3

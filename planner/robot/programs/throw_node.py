@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Throws the plan of the bag in this folder: a ROS 2 node.
+"""Throws the plan, or the cycle, of the bag in this folder: a ROS 2 node.
 
 python3 throw_node.py --ros-args -p gripper_action:=/my_gripper/gripper_cmd
 
 It moves the arm slowly to the start pose, asks, sends the trajectory as a goal that starts half a
-second later, and sends the gripper's goal at its time. Needs rclpy, control_msgs and rosbag2_py
+second later, and sends the gripper's goals at their times. Needs rclpy, control_msgs and rosbag2_py
 with its plugin for MCAP. Nothing is checked for collisions on the way to the start pose.
 """
 
@@ -29,14 +29,15 @@ LEAD = 0.5
 
 
 def read_bag(folder):
-    """The bag's messages and their times [s] by topic."""
+    """The bag's messages and their times [s] by topic, each topic's in order of time."""
     reader = rosbag2_py.SequentialReader()
     storage = rosbag2_py.StorageOptions(uri=str(folder), storage_id="mcap")
     reader.open(storage, rosbag2_py.ConverterOptions("", ""))
     found = {}
     while reader.has_next():
         topic, data, stamp = reader.read_next()
-        found[topic] = deserialize_message(data, TYPES[topic]), 1e-9 * stamp
+        message = deserialize_message(data, TYPES[topic])
+        found.setdefault(topic, []).append((message, 1e-9 * stamp))
     return found
 
 
@@ -87,34 +88,35 @@ class ThrowNode(Node):
         way = JointTrajectory(joint_names=trajectory.joint_names, points=[start])
         self._wait(self._accepted(way))
 
-    def throw(self, trajectory, command, command_time):
-        """Send the trajectory, and the gripper's command `command_time` [s] after its start."""
+    def throw(self, trajectory, commands):
+        """Send the trajectory, and the gripper's commands at their times [s] after its start."""
         start = self.get_clock().now() + Duration(seconds=LEAD)
         trajectory.header.stamp = start.to_msg()
         handle = self._accepted(trajectory)
-        due = start + Duration(seconds=command_time)
-        goal = GripperCommand.Goal()
-        goal.command = command
         if self.get_clock().now() > start:
             handle.cancel_goal_async()
             raise RuntimeError("the controller took too long to accept the trajectory")
-        while self.get_clock().now() < due:
-            time.sleep(2e-4)
-        self.gripper.send_goal_async(goal)
+        for command, command_time in commands:
+            due = start + Duration(seconds=command_time)
+            goal = GripperCommand.Goal()
+            goal.command = command
+            while self.get_clock().now() < due:
+                time.sleep(2e-4)
+            self.gripper.send_goal_async(goal)
         self._wait(handle)
 
 
 def main():
     """Read, ask, throw."""
     bag = read_bag(Path(__file__).resolve().parent)
-    (trajectory, _), (command, command_time) = bag["/joint_trajectory"], bag["/gripper_command"]
+    ((trajectory, _),) = bag["/joint_trajectory"]
     rclpy.init()
     try:
         node = ThrowNode()
         input("The arm moves to the start pose. Is the way clear? Enter goes on, Ctrl-C ends. ")
         node.move_to_start(trajectory)
         input("The arm throws. Is everybody out of the way? Enter goes on, Ctrl-C ends. ")
-        node.throw(trajectory, command, command_time)
+        node.throw(trajectory, bag["/gripper_command"])
     except (RuntimeError, EOFError) as error:
         sys.exit(f"throw_node: {error}")
     finally:
