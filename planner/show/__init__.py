@@ -4,10 +4,10 @@ from .cycle_view import SpaceCycle
 from .drawings import draw_bars, draw_cup, draw_flight
 from .release_pictures import draw_releases
 from .server import Panel, empty_page, open_browser, run_panel, serving
-from .space_throw import SpaceThrow, space_throw
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, new_figure, save
 from .tables import Row, Table, number, shown
 from .throw_picture import draw_throw, draw_throw_moving
 from .timeline import timeline as over_time
 from .view import put, rgb
 from .view_painter import save_in_space
+from .view_throw import SpaceThrow, space_throw

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, Indices, ReadOnly
-from .space_throw import SpaceThrow
 from .style import PHASES
 from .view import ObjectView, View, put, rgb
+from .view_throw import SpaceThrow
 
 #: Direction from which a cycle is seen: from the right, in front and above.
 SEEN_FROM = (0.45, -1.0, 0.6)

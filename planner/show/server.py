@@ -18,9 +18,9 @@ from ...interrupts import INTERRUPTS
 from ...problems import InputError
 from .cycle_view import CycleView, SpaceCycle
 from .page_guard import guarded
-from .space_throw import SpaceThrow
 from .style import PHASES
 from .view import View
+from .view_throw import SpaceThrow
 
 HOST = "127.0.0.1"
 #: Playback speeds over real time, by their labels.

@@ -12,8 +12,8 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm, DHRow, placement
 from .object_mesh import half_thickness, object_mesh
-from .space_throw import SpaceThrow
 from .style import ARM, BLACK, PHASES
+from .view_throw import SpaceThrow
 
 if TYPE_CHECKING:
     from ...problems import Pose

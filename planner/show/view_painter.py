@@ -23,10 +23,10 @@ from ...core.compile import scratch_folder
 from ...models import Array
 from ...problems import InputError
 from .cycle_view import CycleView, SpaceCycle
-from .space_throw import SpaceThrow
 from .style import PHASES
 from .throw_picture import CARRIED, FLYING, SLOW, frame_words
 from .view import View, put
+from .view_throw import SpaceThrow
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw
