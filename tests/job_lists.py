@@ -1,15 +1,22 @@
-"""Random job lists, and a judge of cycles by code of its own: plain NumPy and the oracle."""
+"""Random job lists, and a judge of cycles by code of its own: plain NumPy and the oracle.
+
+`PYTHONPATH=. .venv/bin/python tests/job_lists.py 20` plans and judges that many.
+"""
 
 from __future__ import annotations
 
 import itertools
 import json
 import math
+import sys
+import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from throwplan.problems import scene_from_table
+from throwplan.planner.cycle import plan_cycle, save_cycle
+from throwplan.problems import load_jobs, scene_from_table
 
 from oracle import Oracle, shapes
 from oracle.files import columns_of
@@ -219,3 +226,26 @@ def _thrown(scene: Any, step: Any, q: Any, dq: Any, ddq: Any, t: Any) -> list[st
     if abs(lands - step["landing_time"]) > 1e-3:
         found.append(f"lands at {lands:.4f} s")
     return found
+
+
+def study(count: int) -> None:
+    """Plan and judge random lists of 8 objects, and print a table with its medians."""
+    rows = []
+    for seed in range(count):
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            (folder / "jobs.toml").write_text(random_jobs(seed))
+            begin = time.process_time()
+            cycle = plan_cycle(load_jobs(folder / "jobs.toml"))
+            spent = time.process_time() - begin
+            if not cycle.solved:
+                print(seed, cycle.message)
+                continue
+            save_cycle(cycle, folder)
+            rows.append((cycle.duration / 8, cycle.duration / cycle.stops, spent / 8))
+            print(seed, *(f"{value:.3f}" for value in rows[-1]), broken_limits(folder))
+    print("median", np.median(rows, axis=0), "90 %", np.quantile(rows, 0.9, axis=0))
+
+
+if __name__ == "__main__":
+    study(int(sys.argv[1]))
