@@ -166,9 +166,10 @@ class Search:
         """Whether the target is out of reach.
 
         The nearest landings are equal and, without a library, not close, or many sampled starts
-        lead nowhere (`SearchSettings`). Landings from throws of earlier plans agree with others
-        only, since these throws may be alike. No throw of the library, nor a sampled one that
-        arrives as a throw to the target would, lands nearer to it.
+        lead nowhere (`SearchSettings`); millimetres beside a landing all starts are tried. Landings
+        from throws of earlier plans agree with others only, since these throws may be alike. No
+        throw of the library, nor a sampled one that arrives as a throw to the target would, lands
+        nearer to it.
         """
         task, edges, library = self.task, history.edges, self.context.library
         if not edges:
@@ -181,7 +182,7 @@ class Search:
         is_new = bool(new) and new[0] <= ratio * least
         agree = is_new and not is_close and are_equal([one.missed for one in edges] + known)
         starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
-        is_vain = len(history.solves_from("samples")) >= starts
+        is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
         if not (agree or is_vain):
             return False
         known += [away for _, _, away in self.arriving.nearest]
