@@ -115,6 +115,7 @@ def lowest_of_links(plan: tp.Plan) -> float:
     return float(min(ends - [capsule.radius for capsule in arm.capsules])) - arm.cover
 
 
+@pytest.mark.slow
 def test_no_link_is_below_the_floor_from_rest_to_rest(pose) -> None:
     """A floor that all joints, hand and bar are above, but a link's cover is not."""
     links = tuple(capsule for capsule in pose.arm.capsules if capsule.link > 2)

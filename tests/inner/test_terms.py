@@ -166,6 +166,7 @@ def test_limits_that_bind_change_the_throw(cup_plan) -> None:
     assert checked(tight).torques.use.max() <= 1.0
 
 
+@pytest.mark.slow
 def test_a_scenes_torque_rate_is_kept_and_judged(plan_of) -> None:
     """Without it plans go far above; with it the plan keeps it and the same verdict says so."""
     free = plan_of("fr3")

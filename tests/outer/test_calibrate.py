@@ -255,7 +255,7 @@ def test_warm_moving_and_followed_throws_have_the_bias_too():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"speed": (4.0, 5.0)}, "speed at detach"),
+        pytest.param({"speed": (4.0, 5.0)}, "speed at detach", marks=pytest.mark.slow),
         pytest.param({"rate": (5.0, 6.0)}, "turning rate at detach", marks=pytest.mark.slow),
         ({"mass": 0.3}, "[object] mass is 0.24 kg, there 0.3 kg"),
         ({"force": 100.0}, "[gripper] force is 120 N, there 100 N"),

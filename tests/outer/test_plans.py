@@ -241,7 +241,7 @@ def without_library(scene: str, number: int) -> tp.Planner:
         # Beyond the reach, at an angle that no throw has there, and in the base column.
         pytest.param("pose", 1.9, 30.0, marks=pytest.mark.slow),
         pytest.param("pose", 0.8, -250.0, marks=pytest.mark.slow),
-        ("near-cup", 0.1, -90.0),
+        pytest.param("near-cup", 0.1, -90.0, marks=pytest.mark.slow),
         pytest.param("near-cup", 0.9, 330.0, marks=pytest.mark.slow),
         pytest.param("box", 2.5, None, marks=pytest.mark.slow),
         pytest.param("ur5e", 2.6, 20.0, marks=pytest.mark.slow),

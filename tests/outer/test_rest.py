@@ -154,6 +154,7 @@ def test_a_bar_that_rises_to_the_place_is_followed() -> None:
     assert ends.entered.all() and not ends.lost.any()
 
 
+@pytest.mark.slow
 def test_a_sweep_counts_the_throws_that_rest(tmp_path) -> None:
     plan = tp.plan(over_bin(radius=0.10, depth=0.19, rim=0.20))
     swept = tp.sweep(plan, samples=64)

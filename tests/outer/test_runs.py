@@ -91,6 +91,7 @@ def test_a_recording_may_end_in_motion_once_the_object_has_landed(plan) -> None:
     assert errors(ended, motion) == pytest.approx(errors(whole, motion), abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_lag_is_learnt_in_three_runs_inside_all_limits(plan) -> None:
     motion = joint_motion(plan)
     sent, found = motion, []
