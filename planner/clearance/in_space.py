@@ -12,16 +12,16 @@ from ...models import Array
 from ...models.robot import PadMotion, PlanarArm, SpatialArm
 from ...problems import Scene, ThrowPlane
 from ..throw import Manipulator
-from .bodies import BAR, CollisionScene, SweptBodies
+from .bodies import BAR, CollisionScene, SweptBodies, bar_radii
 from .outlines import bar_ends, held_bar
 
-#: Points along the bar's axis whose distance from the base column is measured.
+#: Points along the axis of a bar, or of a capsule, whose distance from the base column is measured.
 ALONG = 9
 
 
 @dataclass(frozen=True, eq=False)
 class SpatialScene:
-    """A scene, its arm with all joints, and the bar in its hand; frames are the base's."""
+    """A scene, its arm with all joints, and the object in its hand; frames are the base's."""
 
     scene: Scene
     manipulator: Manipulator
@@ -38,14 +38,35 @@ class SpatialScene:
         return self.manipulator.kinematics
 
     @cached_property
-    def bar_in_hand(self) -> Array:
-        """Ends (2, 3) [m] of the held bar in the frame of the pads, the grasped end first."""
+    def _at_rest(self) -> tuple[Array, Array]:
+        """Poses of the held object's CoM (3, 1), x, z, theta, and of the pads (4, 4), with the
+        throwing joints at zero."""
         rest = np.zeros((self.kinematics.coordinates, 1))
-        pose = self.manipulator.motion(rest, rest, rest)[0]
-        ends = bar_ends(self.scene.object, held_bar(self.scene, pose))[0, :, :, 0]
-        ends[:, 1] = self.kinematics.arm.lateral
-        pads = self.kinematics.placed(rest[:, 0])[-1]
-        return np.asarray((ends - pads[:3, 3]) @ pads[:3, :3])
+        hand = self.manipulator.motion(rest, rest, rest)[0]
+        return held_bar(self.scene, hand), self.kinematics.placed(rest[:, 0])[-1]
+
+    def _in_pads(self, places: Array) -> Array:
+        """Places (..., 3) [m] in the throw's plane at rest, in the frame of the pads."""
+        pads, lateral = self._at_rest[1], [0.0, self.kinematics.arm.lateral, 0.0]
+        return np.asarray((places + lateral - pads[:3, 3]) @ pads[:3, :3])
+
+    @cached_property
+    def com_in_hand(self) -> Array:
+        """The held object's CoM (3,) [m] in the frame of the pads."""
+        x, z, _ = self._at_rest[0][:, 0]
+        return self._in_pads(np.array([x, 0.0, z]))
+
+    @cached_property
+    def axis_in_hand(self) -> Array:
+        """The held object's axis (3,), from the end that `com` counts from, in the pads' frame."""
+        theta, pads = self._at_rest[0][2, 0], self._at_rest[1]
+        return np.asarray([np.cos(theta), 0.0, np.sin(theta)] @ pads[:3, :3])
+
+    @cached_property
+    def parts_in_hand(self) -> Array:
+        """Ends (K, 2, 3) [m] of the axes of the held object's K capsules, one for a bar, in the
+        frame of the pads."""
+        return self._in_pads(bar_ends(self.scene.object, self._at_rest[0])[..., 0])
 
     @cached_property
     def plane_side(self) -> float:
@@ -53,12 +74,13 @@ class SpatialScene:
         return float(-np.sign(self.kinematics.rest_frames[-1][1, 1]))
 
     def held_ends(self, pads: PadMotion) -> Array:
-        """Ends (1, 2, 3, N) [m] of the held bar."""
+        """Ends (K, 2, 3, N) [m] of the axes of the held object's capsules, one for a bar."""
         axes, places = pads.pose[:, :3, :3], pads.pose[:, :3, 3]
-        return np.asarray(np.einsum("nij,kj->kin", axes, self.bar_in_hand)[None] + places.T)
+        return np.asarray(np.einsum("nij,pkj->pkin", axes, self.parts_in_hand) + places.T)
 
     def bodies(self, q: Array, times: Array, bar: Array | None = None) -> SweptBodies:
-        """Arm with joints q (N, joints) at times (N,) [s], and bar with ends (1, 2, 3, N)."""
+        """Arm with joints q (N, joints) at times (N,) [s], and the object's capsules with ends
+        (K, 2, 3, N)."""
         arm, capsules = self.kinematics.arm, self.manipulator.capsules
         names, ends, radius = list[str](), list[Array](), list[float]()
         if capsules is not None:
@@ -72,8 +94,9 @@ class SpatialScene:
             radius += capsules.radius.tolist()
         cover = [arm.cover] * len(names)
         if bar is not None:
-            names, ends = [*names, BAR], [*ends, bar[0]]
-            radius, cover = [*radius, self.scene.object.width / np.sqrt(2)], [*cover, 0.0]
+            radii = bar_radii(self.scene.object)
+            names, ends = [*names, *[BAR] * len(radii)], [*ends, *bar]
+            radius, cover = [*radius, *radii], [*cover, *[0.0] * len(radii)]
         placed = np.array(ends) if ends else np.zeros((0, 2, 3, len(q)))
         return SweptBodies(tuple(names), placed, np.array(radius), np.array(cover), times)
 
@@ -90,22 +113,29 @@ class SpatialScene:
         return dataclasses.replace(found, arm=dataclasses.replace(capsules, moved_by=moved))
 
     def lowest_of_bar(self, pads: PadMotion) -> Array:
-        """Height (N,) [m] of the held bar's lowest corner."""
-        ends = self.held_ends(pads)[0]
-        width, half = pads.pose[:, 2, 1], self.scene.object.width / 2
-        along = (ends[1] - ends[0])[2] / self.scene.object.length
+        """Height (N,) [m] of the held object's lowest point, of a bar its lowest corner."""
+        bar, ends = self.scene.object, self.held_ends(pads)
+        if bar.outline:
+            least = ends[:, :, 2].min(axis=1) - np.array(bar_radii(bar))[:, None]
+            return np.asarray(least.min(axis=0))
+        ends = ends[0]
+        width, half = pads.pose[:, 2, 1], bar.width / 2
+        along = (ends[1] - ends[0])[2] / bar.length
         # Half the extents of its square section: along the pads' y axis, and across that.
         across = np.sqrt(np.maximum(1.0 - along**2 - width**2, 0.0))
         return np.asarray(ends[:, 2].min(axis=0) - half * (np.abs(width) + across))
 
     def column_distance(self, pads: PadMotion, radius: float, height: float) -> Array:
-        """Distance (N,) [m] of the held bar from the base column, aside or above; negative inside.
+        """Distance (N,) [m] of the held object from the base column, aside or above; negative
+        inside.
 
-        The bar's half width is taken off on all sides.
+        A bar's half width is taken off on all sides.
         """
-        first, last = self.held_ends(pads)[0]
-        share = np.linspace(0.0, 1.0, ALONG)[:, None, None]
-        points = first + share * (last - first)
-        aside = np.hypot(points[:, 0], points[:, 1]) - radius
-        gap = np.maximum(aside, points[:, 2] - height).min(axis=0)
-        return np.asarray(gap - self.scene.object.width / 2)
+        bar, share = self.scene.object, np.linspace(0.0, 1.0, ALONG)[:, None, None]
+        gaps = list[Array]()
+        radii = bar_radii(bar) if bar.outline else [bar.width / 2]
+        for (first, last), around in zip(self.held_ends(pads), radii, strict=True):
+            points = first + share * (last - first)
+            aside = np.hypot(points[:, 0], points[:, 1]) - radius
+            gaps.append(np.maximum(aside, points[:, 2] - height).min(axis=0) - around)
+        return np.asarray(np.min(gaps, axis=0))

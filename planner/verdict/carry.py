@@ -49,14 +49,12 @@ def object_wrench(space: SpatialScene, pads: PadMotion) -> tuple[Array, Array]:
     In the base frame. [object] inertia is that about the pads' normal; about the axis across both
     a bar has the same, and about its own mass width^2 / 6, as a uniform one of square section.
     """
-    scene, bar = space.scene, space.bar_in_hand
-    thrown, axes = scene.object, pads.pose[:, :3, :3]
-    along = (bar[1] - bar[0]) / thrown.length
-    r = axes @ (bar[0] + thrown.com * along)
+    scene, axes = space.scene, pads.pose[:, :3, :3]
+    thrown, r = scene.object, axes @ space.com_in_hand
     swing = np.cross(pads.omega, r)
     a = pads.acceleration + np.cross(pads.alpha, r) + np.cross(pads.omega, swing)
     force = thrown.mass * (a + np.array([0.0, 0.0, scene.gravity]))
-    own, u = min(thrown.mass * thrown.width**2 / 6, 2 * thrown.inertia), axes @ along
+    own, u = min(thrown.mass * thrown.width**2 / 6, 2 * thrown.inertia), axes @ space.axis_in_hand
     spins = [
         thrown.inertia * w + (own - thrown.inertia) * (w * u).sum(axis=1)[:, None] * u
         for w in (pads.omega, pads.alpha)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import PadMotion, segment_distance
-from ..clearance import BAR, SpatialScene, bar_ends
+from ..clearance import BAR, SpatialScene, bar_ends, bar_radii
 from ..throw import TICK, Samples, Throw, arm_excesses
 from .carry import grip_findings, object_wrench
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
@@ -153,14 +153,14 @@ def flight_gaps(space: SpatialScene, throw: Throw, samples: Samples, begins: flo
     if space.manipulator.capsules is None or not times.size:
         return gaps
     com = throw.flight(times - throw.detach_time)
-    plane, ends = throw.target.plane, bar_ends(throw.scene.object, com)[0]
-    placed = [plane.points(end[0], end[2]) for end in ends]
+    bar, plane = throw.scene.object, throw.target.plane
+    parts = [[plane.points(end[0], end[2]) for end in part] for part in bar_ends(bar, com)]
     q = samples.q[np.minimum(np.arange(times.size), len(samples.q) - 1)]
     bodies = space.bodies(q, times)
-    radius = throw.scene.object.width / np.sqrt(2)
     for links, own in zip(bodies.ends, bodies.radius, strict=True):
-        gap = segment_distance(links[0].T, links[1].T, *placed) - own - radius
-        np.minimum(gaps, gap, out=gaps)
+        for placed, radius in zip(parts, bar_radii(bar), strict=True):
+            gap = segment_distance(links[0].T, links[1].T, *placed) - own - radius
+            np.minimum(gaps, gap, out=gaps)
     return gaps
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 
 import casadi as ca
 import mujoco
@@ -12,7 +13,7 @@ import pytest
 import throwplan as tp
 from builders import inertia_matrix, swinging, varied
 from throwplan.models import Contact, SurfaceShape, pinch_use
-from throwplan.planner.clearance import SpatialScene
+from throwplan.planner.clearance import BAR, SpatialScene
 from throwplan.planner.robot import joint_motion
 from throwplan.planner.throw import Samples, friction_use, make_manipulator
 from throwplan.planner.verdict import Code, Verdict, grip_use, motion_verdict
@@ -255,6 +256,62 @@ def test_a_slow_way_is_held_and_a_fast_one_turns_the_object() -> None:
     assert "% of what the pads' force holds" in found.words
     use = grip_use(space_of(weak), way).use
     assert use[round(found.time / 1e-3)] == found.value == use.max() > 1.0
+
+
+def hammer() -> tp.Scene:
+    """A hammer with an outline: its head across, its handle along."""
+    scene = tp.load_scene(Path(__file__).parents[2] / "examples" / "objects" / "hammer.toml")
+    return scene.replace(obstacle=())
+
+
+def head_and_handle(scene: tp.Scene, q: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    """Points (200, 3) along the axes of the outline's capsules, and their radii, at joints (n,)."""
+    com, _ = in_pads(scene)
+    pads = scene.arm.placed(scene.arm.posture)[-1]
+    along = com / scene.com_offset
+    # A quarter turn in the throw's plane, from x to z.
+    x, _, z = pads[:3, :3] @ along
+    across, begin = pads[:3, :3].T @ [-z, 0.0, x], com - scene.object.com * along
+    pose, share = scene.arm.placed(q.tolist())[-1], np.linspace(0.0, 1.0, 200)[:, None]
+    found = []
+    for part in scene.object.outline:
+        ends = [begin + e[0] * along + e[1] * across for e in (part.begin, part.end)]
+        points = ends[0] + share * (ends[1] - ends[0])
+        found.append((points @ pose[:3, :3].T + pose[:3, 3], part.radius))
+    return found
+
+
+def test_an_outline_takes_the_grip_of_a_bar_of_the_same_mass() -> None:
+    scene = hammer()
+    width = scene.object.width
+    bar = varied(scene, object={"outline": (), "width": width, "mesh": None})
+    rows = Samples(*states("pose", np.linspace(0.05, 0.35, 13)))
+    np.testing.assert_allclose(
+        grip_use(space_of(scene), rows).use, grip_use(space_of(bar), rows).use, rtol=1e-9
+    )
+
+
+@pytest.mark.parametrize("time", [0.05, 0.15, 0.3])
+def test_every_part_of_an_outline_is_kept_clear(time: float) -> None:
+    scene, q = hammer(), states("pose", np.array([time]))[0]
+    parts = head_and_handle(scene, q[0])
+    still = Samples(np.repeat(q, 50, axis=0), *np.zeros((2, 50, q.shape[1])))
+    lowest = min(float(points[:, 2].min()) - radius for points, radius in parts)
+    found = judged(varied(scene, workspace={"floor": lowest + 0.01}), still)
+    held = [f.value for f in found.broken if f.code is Code.FLOOR and f.body == BAR]
+    assert held[0] == pytest.approx(lowest, abs=1e-9)
+    away = [np.hypot(points[:, 0], points[:, 1]).min() - radius for points, radius in parts]
+    column = {"column_radius": min(away) + 0.01, "column_height": 5.0}
+    found = judged(varied(scene, workspace=column), still)
+    (room,) = [f.value for f in found.broken if f.code is Code.COLUMN]
+    assert room == pytest.approx(-0.01, abs=1e-3)
+    # A ball at one end of the head meets an object with a head, and no bar.
+    x, y, z = map(float, parts[0][0][0])
+    ball = tp.Obstacle(name="ball", kind="sphere", size=(0.005,), position=(x, y, z))
+    thin = {"outline": (), "width": 0.01, "mesh": None}
+    for thing, meets in ((scene, True), (varied(scene, object=thin), False)):
+        codes = judged(thing.replace(obstacle=(ball,)), still).codes
+        assert (Code.COLLISION in codes) == meets
 
 
 def test_limits_of_joints_tool_and_torques_are_found() -> None:
