@@ -1,7 +1,7 @@
 """Many picks and bins as one motion in the least time: throws, their order, what joins them; joints
 of hand poses."""
 
-from .cycle import Cycle, Step, UnsolvedError
+from .cycle import Cycle, CycleStep, UnsolvedError
 from .files import CYCLE_FILES, gripper_commands, is_cycle, read_cycle, save_cycle
 from .inverse_kinematics import inverse_kinematics
 from .placing import Placing, place_jobs, slowed_transfer

@@ -32,7 +32,7 @@ class UnsolvedError(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Step(ReadOnly):
+class CycleStep(ReadOnly):
     """One object of a cycle, with times as samples of the cycle's motion.
 
     pick, bin: names. scene: of the throw, its target where it is at the landing. reach: the hand is
@@ -92,7 +92,7 @@ class Cycle(ReadOnly):
     """
 
     name: str
-    steps: tuple[Step, ...] = ()
+    steps: tuple[CycleStep, ...] = ()
     samples: Samples = NO_SAMPLES
     order: str = "given"
     stops: float = math.nan
@@ -152,7 +152,7 @@ class Cycle(ReadOnly):
             # Limits of the joints from rest to rest, also where the pads open.
             yield from self._joint_findings(step)
 
-    def _joint_findings(self, step: Step) -> Iterator[Finding]:
+    def _joint_findings(self, step: CycleStep) -> Iterator[Finding]:
         found = motion_verdict(step.space, self.samples, held=False)
         yield from (f for f in found.findings if f.code.value.startswith("joint_"))
 
@@ -224,7 +224,7 @@ def _later(findings: tuple[Finding, ...], ticks: int) -> Iterator[Finding]:
         yield dataclasses.replace(finding, time=time)
 
 
-def _step_entries(step: Step, throw: Throw) -> dict[str, Any]:
+def _step_entries(step: CycleStep, throw: Throw) -> dict[str, Any]:
     dx, dtheta = throw.miss()
     x, z, theta = throw.landing.pose
     place: Array = step.scene.target.plane.points(x, z) if step.scene.target else np.zeros(3)

@@ -19,7 +19,16 @@ import numpy as np
 from ...models import Indices
 from ..throw import TICK, Samples, State, Transfer, gentle_transfer, joint_limits, transfer
 from ..verdict import first_finding
-from .edges import CycleThrow, Edge, Option, by_raised, direct, option_of, rows_of, state_at
+from .connections import (
+    Connection,
+    CycleThrow,
+    Option,
+    by_raised,
+    direct,
+    option_of,
+    rows_of,
+    state_at,
+)
 
 #: Shares of the time until the pads may open at which the throwing joints may join the swing.
 JOINS = (0.0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7)
@@ -34,10 +43,10 @@ RISE = 150
 TURNS = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
 
 
-def enter_edge(one: CycleThrow, pick: State) -> Edge:
+def enter_connection(one: CycleThrow, pick: State) -> Connection:
     """From rest at a pick into a throw; its time is until the hand may leave the throw's plane."""
     entrance = _Entrance(one, pick)
-    return Edge(
+    return Connection(
         entrance.options(),
         entrance.raised,
         lambda found: first_finding(one.space, found.samples, held=True),

@@ -14,7 +14,7 @@ from ...problems import InputError, check_arguments, scene_from_table
 from ...problems.files import filling, read_csv, read_text, write_json
 from ..result import write_table
 from ..throw import TICK, Samples
-from .cycle import ORDERS, Cycle, Step
+from .cycle import ORDERS, Cycle, CycleStep
 from .picture import draw_cycle
 
 #: Version of cycle.json; `read_cycle` refuses other versions.
@@ -103,13 +103,15 @@ def read_cycle(path: str | Path) -> Cycle:
     return Cycle(name, steps, samples, order, *numbers)
 
 
-def _step(entry: dict[str, Any], arm: dict[str, Any]) -> Step:
+def _step(entry: dict[str, Any], arm: dict[str, Any]) -> CycleStep:
     scene = scene_from_table({**entry["definition"], "arm": arm})
     moments = [int(k) for k in entry["samples"]]
     if len(moments) != len(MOMENTS) or scene.robot is None or scene.target is None:
         raise ValueError("samples")
     times = dict(zip(MOMENTS, moments, strict=True)), float(entry["opening_time"])
-    return Step(str(entry["pick"]), str(entry["bin"]), scene, **times[0], opening_time=times[1])
+    return CycleStep(
+        str(entry["pick"]), str(entry["bin"]), scene, **times[0], opening_time=times[1]
+    )
 
 
 def _samples(path: Path, joints: int) -> Samples:

@@ -10,9 +10,9 @@ import numpy as np
 from ...models import Array
 from ...problems import Jobs
 from ..throw import State
+from .connections import Connection, CycleThrow, at_rest, leave_connection, rest_connection
 from .cycle import UnsolvedError
-from .edges import CycleThrow, Edge, at_rest, leave_edge, rest_edge
-from .entrance import enter_edge
+from .entrance import enter_connection
 from .order import Times, best_order
 
 
@@ -23,34 +23,38 @@ class Network:
         self.jobs, self.throws = jobs, throws
         self.picks = [at_rest(pick.joints or ()) for pick in jobs.picks]
         self.home = None if jobs.home is None else at_rest(jobs.home)
-        self._edges: dict[tuple[object, ...], Edge] = {}
+        self._connections: dict[tuple[object, ...], Connection] = {}
 
-    def first(self, pick: int) -> Edge | None:
+    def first(self, pick: int) -> Connection | None:
         """From home to a pick; None where the cycle begins at a pick."""
         if self.home is None:
             return None
         home, goal, space = self.home, self.picks[pick], self.throws[0].space
-        return self._edge(("first", pick), lambda: rest_edge(space, home, goal, held=False))
+        return self._connection(
+            ("first", pick), lambda: rest_connection(space, home, goal, held=False)
+        )
 
-    def enter(self, pick: int, throw: int, *, stop: bool = False) -> Edge:
+    def enter(self, pick: int, throw: int, *, stop: bool = False) -> Connection:
         """From a pick into a throw; stop: to rest at the throw's start."""
         one, start = self.throws[throw], self.picks[pick]
         if stop:
             goal = at_rest(one.samples.q[0])
-            return self._edge(
-                ("enter at rest", pick, throw), lambda: rest_edge(one.space, start, goal, held=True)
+            return self._connection(
+                ("enter at rest", pick, throw),
+                lambda: rest_connection(one.space, start, goal, held=True),
             )
-        return self._edge(("enter", pick, throw), lambda: enter_edge(one, start))
+        return self._connection(("enter", pick, throw), lambda: enter_connection(one, start))
 
-    def leave(self, throw: int, goal: int, *, stop: bool = False) -> Edge:
+    def leave(self, throw: int, goal: int, *, stop: bool = False) -> Connection:
         """From a throw to a pick, or to home for -1; stop: from rest after the throw's brake."""
         one, end = self.throws[throw], self.end(goal)
         if stop:
             start = at_rest(one.samples.q[-1])
-            return self._edge(
-                ("leave at rest", throw, goal), lambda: rest_edge(one.space, start, end, held=False)
+            return self._connection(
+                ("leave at rest", throw, goal),
+                lambda: rest_connection(one.space, start, end, held=False),
             )
-        return self._edge(("leave", throw, goal), lambda: leave_edge(one, end))
+        return self._connection(("leave", throw, goal), lambda: leave_connection(one, end))
 
     def end(self, goal: int) -> State:
         """A pick at rest, or home for -1."""
@@ -58,13 +62,13 @@ class Network:
         assert found is not None
         return found
 
-    def _edge(self, key: tuple[object, ...], make: Callable[[], Edge]) -> Edge:
-        if key not in self._edges:
-            self._edges[key] = make()
-        return self._edges[key]
+    def _connection(self, key: tuple[object, ...], make: Callable[[], Connection]) -> Connection:
+        if key not in self._connections:
+            self._connections[key] = make()
+        return self._connections[key]
 
     def _times(self, begin: int) -> Times:
-        """Times of all motions, as far as they are known."""
+        """Times of all motions: of the fastest one of each that is not refused, judged or not."""
         picks, throws = range(len(self.picks)), range(len(self.throws))
         waits = np.array([pick.grasp_time for pick in self.jobs.picks])
         enter: Array = np.full((len(picks), len(throws)), np.inf)
@@ -73,8 +77,11 @@ class Network:
                 if self.throws[c].pick == p:
                     enter[p, c] = self.enter(p, c).time
         leave = np.array([[self.leave(c, p).time for p in picks] for c in throws]) + waits
-        edges = [self.first(p) for p in picks]
-        first = np.array([0.0 if edge is None else edge.time for edge in edges]) + waits
+        connections = [self.first(p) for p in picks]
+        first = (
+            np.array([0.0 if connection is None else connection.time for connection in connections])
+            + waits
+        )
         end = -1 if self.home is not None else begin
         last = np.array([self.leave(c, end).time for c in throws])
         return Times(first, enter, leave, last)
@@ -89,19 +96,19 @@ class Network:
         while True:
             times = self._times(0)
             if given is not None:
-                total, chosen = times.along(given)
+                total, chosen = times.least_time(given)
                 order = given
             else:
                 total, order, chosen = best_order(times, begin)
             if not math.isfinite(total):
                 raise UnsolvedError(self._why())
-            stay = [edge.settle() for edge in self.edges(order, chosen)]
+            stay = [connection.settle() for connection in self.connections(order, chosen)]
             if all(stay):
                 return order, chosen
 
-    def edges(
+    def connections(
         self, order: Sequence[int], chosen: Sequence[int], *, stop: bool = False
-    ) -> list[Edge]:
+    ) -> list[Connection]:
         """The motions of an order, in turn: from home, then into and out of each throw."""
         first = self.first(order[0])
         found = [] if first is None else [first]
@@ -112,24 +119,27 @@ class Network:
 
     def with_stops(self, order: Sequence[int], chosen: Sequence[int]) -> float:
         """Time [s] of the same throws one after another, each from rest to rest."""
-        edges = self.edges(order, chosen, stop=True)
-        for edge in edges:
-            edge.settle()
+        connections = self.connections(order, chosen, stop=True)
+        for connection in connections:
+            connection.settle()
         swings = sum(float(self.throws[c].throw.samples.times[-1]) for c in chosen)
         waits = sum(pick.grasp_time for pick in self.jobs.picks)
-        return sum(edge.time for edge in edges) + swings + waits
+        return sum(connection.time for connection in connections) + swings + waits
 
     def _why(self) -> str:
         """Why there is no order: the first pick that cannot be thrown or reached."""
         for p, pick in enumerate(self.jobs.picks):
             ways = [self.enter(p, c) for c, one in enumerate(self.throws) if one.pick == p]
-            if all(edge.best is None for edge in ways):
+            if all(connection.best is None for connection in ways):
                 return f"{pick.name}: no motion from the pick into a throw: {_words(ways)}"
             back = [self.leave(c, p) for c in range(len(self.throws))]
-            if all(edge.best is None for edge in back):
+            if all(connection.best is None for connection in back):
                 return f"{pick.name}: no motion from a throw to the pick: {_words(back)}"
         return "no order of the picks joins all motions"
 
 
-def _words(edges: Sequence[Edge]) -> str:
-    return next((edge.trouble for edge in edges if edge.trouble), "beyond the arm's limits")
+def _words(connections: Sequence[Connection]) -> str:
+    return next(
+        (connection.trouble for connection in connections if connection.trouble),
+        "beyond the arm's limits",
+    )

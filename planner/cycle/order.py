@@ -33,7 +33,7 @@ class Times:
     leave: Array
     last: Array
 
-    def along(self, order: Sequence[int]) -> tuple[float, list[int]]:
+    def least_time(self, order: Sequence[int]) -> tuple[float, list[int]]:
         """The least time of picks in this order, and the throw of each."""
         time = self.first[order[0]] + self.enter[order[0]]
         before = list[Array]()
@@ -53,7 +53,7 @@ def best_order(times: Times, begin: int | None) -> tuple[float, list[int], list[
     count = len(times.first)
     if count > EXACT:
         order = _inserted(times, begin)
-        return times.along(order)[0], order, times.along(order)[1]
+        return times.least_time(order)[0], order, times.least_time(order)[1]
     # By the set of picks that are done, as bits: the least time for each last throw (C,), and the
     # pick and the throw before it.
     done: dict[int, Array] = {}
@@ -94,15 +94,15 @@ def _inserted(times: Times, begin: int | None) -> list[int]:
     left = [pick for pick in range(count) if pick not in order]
     while left:
         ways = [[*order[:k], pick, *order[k:]] for pick in left for k in range(low, len(order) + 1)]
-        order = min(ways, key=lambda way: times.along(way)[0])
+        order = min(ways, key=lambda way: times.least_time(way)[0])
         left = [pick for pick in left if pick not in order]
-    best = times.along(order)[0]
+    best = times.least_time(order)[0]
     better = True
     while better:
         better = False
         for a, b in itertools.combinations(range(low, count + 1), 2):
             way = [*order[:a], *order[a:b][::-1], *order[b:]]
-            time = times.along(way)[0]
+            time = times.least_time(way)[0]
             if time < best - 1e-9:
                 order, best, better = way, time, True
     return order

@@ -32,16 +32,16 @@ from ..throw import (
     transfer,
 )
 from ..verdict import Code, Finding, first_finding, grip_use
+from .connections import Connection, CycleThrow, Option, at_rest, joined
 from .cycle import UnsolvedError
-from .edges import CycleThrow, Edge, Option, at_rest, joined
 from .inverse_kinematics import DOWN, inverse_kinematics, joint_rates
 from .network import Network
 from .planning import with_joints
 
 #: Height [m] above the place from where the hand goes straight down, and to where it rises.
 LIFT = 0.1
-#: Distances [m] aside of the point at that height that the hand passes: at most so far it cuts the
-#: corner. The fastest motion is taken.
+#: Distances [m] from the point at that height at which the hand may pass it, to cut the corner; the
+#: fastest motion is taken.
 CORNERS = (0.02, 0.04)
 #: Share of the speed there from which a joint could just come to rest at the place.
 PASSING = 0.7
@@ -185,7 +185,7 @@ def _place(jobs: Jobs, number: int, pick: Pick, one: Bin) -> _Place:
     return _Place(number, one.name, space, above, down)
 
 
-# Motions, slowed as far as the verdict demands.
+# Motions, slowed until the verdict allows them.
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,7 @@ def _quickened(
     return found
 
 
-class _Way(Edge):
+class _Way(Connection):
     """The fastest motion in two parts, judged when it is needed.
 
     ways: of each state above the bin, the states at the ends of the parts.
@@ -330,7 +330,7 @@ class _PlacingNetwork(Network):
         super().__init__(jobs, cast(Sequence[CycleThrow], places))
         self.places = places
 
-    def enter(self, pick: int, throw: int, *, stop: bool = False) -> Edge:
+    def enter(self, pick: int, throw: int, *, stop: bool = False) -> Connection:
         """From a pick down to a place."""
         place, start = self.places[throw], self.picks[pick]
 
@@ -339,9 +339,9 @@ class _PlacingNetwork(Network):
             ways = [(start, corner, down) for corner in place.corners(start.q)]
             return _Way(place, ways, held=True)
 
-        return self._edge(("enter", pick, throw), make)
+        return self._connection(("enter", pick, throw), make)
 
-    def leave(self, throw: int, goal: int, *, stop: bool = False) -> Edge:
+    def leave(self, throw: int, goal: int, *, stop: bool = False) -> Connection:
         """From a place up, and to a pick, or to home for -1."""
         place, end = self.places[throw], self.end(goal)
 
@@ -351,14 +351,18 @@ class _PlacingNetwork(Network):
             ways = [(at_rest(place.down), corner, end) for corner in corners]
             return _Way(place, ways, held=False)
 
-        return self._edge(("leave", throw, goal), make)
+        return self._connection(("leave", throw, goal), make)
 
 
 def _sequence(
     network: _PlacingNetwork, order: Sequence[int], chosen: Sequence[int], refused: dict[str, str]
 ) -> Placing:
     """All motions one after another."""
-    ways = [edge.best.samples for edge in network.edges(order, chosen) if edge.best is not None]
+    ways = [
+        connection.best.samples
+        for connection in network.connections(order, chosen)
+        if connection.best is not None
+    ]
     parts = [ways.pop(0)] if len(ways) % 2 else []
     tick = sum(len(part.q) - 1 for part in parts)
     steps, carried = list[tuple[str, str]](), list[tuple[int, int]]()

@@ -14,8 +14,8 @@ from ..clearance import SpatialScene
 from ..planner import Planner
 from ..result import Plan
 from ..throw import State, make_manipulator
+from .connections import CycleThrow, at_rest
 from .cycle import Cycle, UnsolvedError
-from .edges import CycleThrow, at_rest
 from .inverse_kinematics import inverse_kinematics
 from .network import Network
 from .order import EXACT

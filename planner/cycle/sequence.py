@@ -10,9 +10,9 @@ import numpy as np
 
 from ...problems import Jobs
 from ..throw import TICK, Samples, State
-from .cycle import Cycle, Step, UnsolvedError
-from .edges import CycleThrow, Edge, Option, joined, leave_edge
-from .entrance import enter_edge
+from .connections import Connection, CycleThrow, Option, joined, leave_connection
+from .cycle import Cycle, CycleStep, UnsolvedError
+from .entrance import enter_connection
 
 if TYPE_CHECKING:
     from .network import Network
@@ -36,20 +36,20 @@ def sequence(
     again: a throw for where its bin is at a time [s]. Raises UnsolvedError if a moving bin is not
     met.
     """
-    edges = network.edges(order, chosen)
-    first = edges.pop(0) if len(edges) % 2 else None
+    connections = network.connections(order, chosen)
+    first = connections.pop(0) if len(connections) % 2 else None
     parts = [] if first is None else [_best(first).samples]
-    tick, steps = sum(len(part.q) - 1 for part in parts), list[Step]()
+    tick, steps = sum(len(part.q) - 1 for part in parts), list[CycleStep]()
     ends = [*order[1:], -1 if network.home is not None else order[0]]
     for n, (number, end) in enumerate(zip(order, ends, strict=True)):
         pick, one, state = jobs.picks[number], network.throws[chosen[n]], network.picks[number]
         held = tick + math.ceil(pick.grasp_time / TICK - 1e-9)
-        enter, leave, wait = edges[2 * n], edges[2 * n + 1], 0
+        enter, leave, wait = connections[2 * n], connections[2 * n + 1], 0
         target = jobs.scene_of(pick, jobs.bin(one.bin)).target
         assert target is not None
         if not target.at_rest:
             one, enter, wait = _meet(one, state, held, again)
-            leave = leave_edge(one, network.end(end))
+            leave = leave_connection(one, network.end(end))
             leave.settle()
         way = _best(enter)
         reach, held = tick, held + wait
@@ -62,15 +62,15 @@ def sequence(
         opening = origin + one.throw.opening_time
         free = join + one.free - way.join
         names = pick.name, one.bin
-        steps.append(Step(*names, scene, reach, held, join, free, opening))
+        steps.append(CycleStep(*names, scene, reach, held, join, free, opening))
         tick = free + len(_best(leave).samples.q) - 1
     return Cycle(jobs.name, tuple(steps), joined(parts))
 
 
-def _best(edge: Edge) -> Option:
-    if edge.best is None:
-        raise UnsolvedError(f"a motion to meet a moving bin: {edge.trouble}")
-    return edge.best
+def _best(connection: Connection) -> Option:
+    if connection.best is None:
+        raise UnsolvedError(f"a motion to meet a moving bin: {connection.trouble}")
+    return connection.best
 
 
 def _still(state: State, ticks: int) -> Samples:
@@ -83,20 +83,20 @@ def _meet(
     pick: State,
     held: int,
     again: Callable[[CycleThrow, float], CycleThrow | None],
-) -> tuple[CycleThrow, Edge, int]:
+) -> tuple[CycleThrow, Connection, int]:
     """A throw that meets its moving bin, the motion into it, and how many samples it waits.
 
     held: sample of the cycle at which the hand holds the object.
     """
     aim = -math.inf
     for _ in range(MEETINGS):
-        edge = enter_edge(one, pick)
-        edge.settle()
-        way = _best(edge)
+        connection = enter_connection(one, pick)
+        connection.settle()
+        way = _best(connection)
         begins = held + len(way.samples.q) - 1 - way.join
         wait = round((aim - TICK * begins - one.throw.landing_time) / TICK) if aim > 0 else -1
         if wait >= 0:
-            return one, edge, wait
+            return one, connection, wait
         aim = TICK * begins + one.throw.landing_time + SLACK
         found = again(one, aim)
         if found is None:

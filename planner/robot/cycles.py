@@ -16,7 +16,7 @@ import numpy as np
 from ...models import Array, ReadOnly
 from ...problems import InputError, check_arguments, checked
 from ...problems.files import filling, write_json
-from ..cycle import Cycle, Step, read_cycle
+from ..cycle import Cycle, CycleStep, read_cycle
 from ..show import SpaceCycle
 from ..throw import TICK
 from .controller_files import (
@@ -110,7 +110,7 @@ class CycleReplay(ReadOnly):
     cycle: Cycle
     replays: tuple[Replay, ...]
 
-    def _each(self) -> Iterator[tuple[Step, Replay]]:
+    def _each(self) -> Iterator[tuple[CycleStep, Replay]]:
         return zip(self.cycle.steps, self.replays, strict=True)
 
     def to_dict(self) -> dict[str, Any]:
@@ -186,7 +186,7 @@ def replay_cycle(
     )
 
 
-def _hand_at(cycle: Cycle, step: Step) -> HandPoses:
+def _hand_at(cycle: Cycle, step: CycleStep) -> HandPoses:
     """The hand's motion on the clock of a step's throw."""
     return lambda times: cycle.arm_at(times + TICK * step.join)[1]
 

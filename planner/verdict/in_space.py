@@ -46,7 +46,7 @@ def _findings(space: SpatialScene, samples: Samples, held: bool, step: int) -> I
     count = len(samples.q)
     rows = np.unique(np.append(np.arange(0, count, step), count - 1))
     states = samples.q[rows], samples.dq[rows], samples.ddq[rows]
-    motion = _Motion(space, TICK * rows, *states, space.spatial.pads(*states), held)
+    motion = _SpatialMotion(space, TICK * rows, *states, space.spatial.pads(*states), held)
     for rule in (_tool_speed, _grip, _low, _column, _torque):
         yield from rule(motion)
     for e in arm_excesses(space.kinematics.arm, samples) if step == 1 else ():
@@ -55,7 +55,7 @@ def _findings(space: SpatialScene, samples: Samples, held: bool, step: int) -> I
 
 
 @dataclass(frozen=True)
-class _Motion:
+class _SpatialMotion:
     """A motion that is judged: joints (N, joints) at times (N,) [s], and the pads' motion."""
 
     space: SpatialScene
@@ -76,14 +76,14 @@ def _worst(
         yield Finding(code, float(values[k]), limit, float(times[k]), body)
 
 
-def _tool_speed(motion: _Motion) -> Iterator[Finding]:
+def _tool_speed(motion: _SpatialMotion) -> Iterator[Finding]:
     limit = motion.space.scene.tool_speed
     if limit is not None:
         both = np.linalg.norm([motion.pads.velocity, motion.pads.flange_velocity], axis=2)
         yield from _worst(Code.TOOL_SPEED, motion.times, both.max(axis=0), limit)
 
 
-def _torque(motion: _Motion) -> Iterator[Finding]:
+def _torque(motion: _SpatialMotion) -> Iterator[Finding]:
     scene, arm = motion.space.scene, motion.space.kinematics.arm
     if not arm.links:
         return
@@ -104,12 +104,12 @@ def _torque(motion: _Motion) -> Iterator[Finding]:
         yield from _worst(Code.TORQUE_RATE, motion.times[1:], rates, section.rate)
 
 
-def _grip(motion: _Motion) -> Iterator[Finding]:
+def _grip(motion: _SpatialMotion) -> Iterator[Finding]:
     if motion.held:
         yield from grip_findings(motion.space, motion.pads, motion.times)
 
 
-def _low(motion: _Motion) -> Iterator[Finding]:
+def _low(motion: _SpatialMotion) -> Iterator[Finding]:
     workspace = motion.space.scene.workspace
     if motion.held and workspace is not None and workspace.floor is not None:
         lowest = motion.space.lowest_of_bar(motion.pads)
@@ -119,7 +119,7 @@ def _low(motion: _Motion) -> Iterator[Finding]:
             )
 
 
-def _column(motion: _Motion) -> Iterator[Finding]:
+def _column(motion: _SpatialMotion) -> Iterator[Finding]:
     workspace = motion.space.scene.workspace
     if not motion.held or workspace is None or workspace.column_radius is None:
         return
@@ -131,7 +131,7 @@ def _column(motion: _Motion) -> Iterator[Finding]:
         yield Finding(Code.COLUMN, float(room.min()), 0.0, float(motion.times[room.argmin()]), BAR)
 
 
-def _collisions(motion: _Motion) -> Iterator[Finding]:
+def _collisions(motion: _SpatialMotion) -> Iterator[Finding]:
     space, count = motion.space, len(motion.times)
     step = max(round(count * PLACES * TICK / max(motion.times[-1], TICK)), 1)
     places = np.unique(np.append(np.arange(0, count, step), count - 1))

@@ -18,7 +18,7 @@ from ..grip import ThrownObject
 
 
 @dataclass(frozen=True)
-class FitSettings:
+class CapsuleFitSettings:
     """angles: directions of an axis that are tried. wider: radii, over the
     least one, that are. ways: directions in which points are outermost,
     to which a capsule is fitted. cuts: places of a split along each of two
@@ -38,7 +38,7 @@ class FitSettings:
     digits: int = 5
 
 
-SETTINGS = FitSettings()
+SETTINGS = CapsuleFitSettings()
 #: Points nearer to each other [m] are one.
 SAME = 1e-6
 #: A mesh may be outside its outline [m] by this: STL files round.

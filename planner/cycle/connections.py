@@ -113,7 +113,7 @@ def joined(parts: list[Samples]) -> Samples:
     return Samples(*(np.vstack(values) for values in zip(*found, strict=True)))
 
 
-class Edge:
+class Connection:
     """The fastest allowed motion between two states; judged only when it is needed.
 
     options: of the direct motions; raised: of motions by a raised pose, tried after them.
@@ -139,7 +139,7 @@ class Edge:
 
     @property
     def best(self) -> Option | None:
-        """The fastest motion that is not refused so far; None if all are."""
+        """The fastest motion that is not refused; None if all are."""
         return self._options[0] if self._options else None
 
     @property
@@ -202,9 +202,9 @@ def option_of(parts: tuple[Transfer, ...], after: int = 0, join: int = 0) -> Opt
     return Option(TICK * ticks, lambda: joined([part.samples for part in parts]), join)
 
 
-def rest_edge(space: SpatialScene, start: State, goal: State, *, held: bool) -> Edge:
+def rest_connection(space: SpatialScene, start: State, goal: State, *, held: bool) -> Connection:
     """From rest to rest."""
-    return Edge(
+    return Connection(
         (option_of((found,)) for found in direct(space, start, goal)),
         lambda: map(option_of, by_raised(space, start, goal)),
         lambda found: first_finding(space, found.samples, held=held),
@@ -216,7 +216,7 @@ def rows_of(samples: Samples) -> tuple[Array, Array, Array]:
     return samples.q, samples.dq, samples.ddq
 
 
-def leave_edge(one: CycleThrow, goal: State) -> Edge:
+def leave_connection(one: CycleThrow, goal: State) -> Connection:
     """From the release, without a stop, to rest at the next pick or at home."""
     start = state_at(one.samples, one.free)
 
@@ -225,7 +225,7 @@ def leave_edge(one: CycleThrow, goal: State) -> Edge:
         flown = flight_findings(one.space, one.throw, found.samples, TICK * one.free)
         return broken or next(iter(flown), None)
 
-    return Edge(
+    return Connection(
         (option_of((found,)) for found in direct(one.space, start, goal)),
         lambda: map(option_of, by_raised(one.space, start, goal)),
         judge,
