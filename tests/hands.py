@@ -16,7 +16,9 @@ class FakeHand:
     """Moves at `speed` [m/s] after a delay, and reports its width every `interval` [s].
 
     delays [s]: of its openings in turn, closings take the first; stuck: openings move nothing.
-    late [s]: how much later than due a report went out at worst, since the machine had other work.
+    late [s]: how much later than due a report went out at worst, since the machine had other work;
+    silent: numbers of the openings in which it reports nothing while it moves; served: the delays
+    of its openings until now.
     """
 
     def __init__(
@@ -31,12 +33,14 @@ class FakeHand:
         holds: bool = False,
         most: float = 0.08,
         stuck: bool = False,
+        silent: Sequence[int] = (),
     ) -> None:
         self.delays, self.speed, self.interval, self.ramp = list(delays), speed, interval, ramp
         self.start = self.goal = width
         self.begin, self.stuck, self.holds, self.most = 0.0, stuck, holds, most
         self.moves: list[float] = []
-        self.opened, self.late = 0, 0.0
+        self.late, self.silent = 0.0, silent
+        self.served: list[float] = []
         self._server = socket.create_server((host, 1338))
         self._server.settimeout(0.1)
         self._over = threading.Event()
@@ -50,6 +54,10 @@ class FakeHand:
         way = self.speed * (short**2 / (2 * self.ramp or 1.0) + max(since - self.ramp, 0.0))
         far = self.goal - self.start
         return self.start + (min(way, abs(far)) if far > 0 else -min(way, abs(far)))
+
+    def _hides(self) -> bool:
+        moves = min(abs(self.width() - self.start), abs(self.width() - self.goal)) > 1e-9
+        return moves and len(self.served) - 1 in self.silent
 
     def _serve(self) -> None:
         while not self._over.is_set():
@@ -69,7 +77,7 @@ class FakeHand:
         with states:
             while not self._over.is_set():
                 now = time.monotonic()
-                if port and now - sent > self.interval:
+                if port and now - sent > self.interval and not self._hides():
                     # It wakes up four times in each interval.
                     self.late = max(self.late, now - sent - 1.25 * self.interval if sent else 0.0)
                     number, sent = number + 1, now
@@ -98,8 +106,9 @@ class FakeHand:
     def _begin(self, goal: float) -> None:
         """Begin to move to a width [m]."""
         self.start, opens = self.width(), goal > self.width() + 1e-6
-        delay = self.delays[self.opened % len(self.delays)] if opens else self.delays[0]
-        self.opened += opens
+        delay = self.delays[len(self.served) % len(self.delays)] if opens else self.delays[0]
+        if opens:
+            self.served.append(delay)
         self.begin = time.monotonic() + delay
         self.goal = self.start if self.stuck and opens else goal
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 
@@ -44,19 +45,40 @@ def test_a_set_delay_is_measured_and_a_scene_takes_it(tmp_path, run, interval, s
     delay = said.json["delay"]
     # Both processes may be as late as the hand was.
     most = 0.005 + 2 * hand.late
-    assert delay["mean"] == pytest.approx(0.080, abs=most)
-    assert np.array(delay["samples"]) == pytest.approx(np.array(DELAYS), abs=most)
+    assert any(
+        np.array(delay["samples"]) == pytest.approx(np.array(kept), abs=most)
+        for kept in itertools.combinations(hand.served, 4)
+    ), (delay["samples"], hand.served)
     assert said.json["speed"] == pytest.approx(speed, rel=0.1)
     (tmp_path / "fr3.toml").write_text(scene_of("fr3", file), encoding="utf-8")
     scene = tp.load_scene(tmp_path / "fr3.toml")
     assert scene.gripper.dwell == pytest.approx(delay["mean"], abs=1e-5)
     assert scene.uncertainty.delay.samples == pytest.approx(
-        np.array(DELAYS) - 0.08, abs=most + 1e-3
+        np.array(delay["samples"]) - delay["mean"], abs=1e-4
     )
     assert abs(scene.mean_delay) < 1e-4
     # The body is that of the arm's own hand.
     shipped = tp.load_scene("fr3").arm
     assert scene.arm.tool == shipped.tool and scene.arm.links == shipped.links
+
+
+def test_an_opening_that_nobody_saw_is_repeated(tmp_path, run) -> None:
+    """As on a busy machine or network; a hand that never reports its motion is refused."""
+    file = tmp_path / "hand.toml"
+    for silent, status in ((0, 2), 0), (range(99), 2):
+        hand = FakeHand(HOST, DELAYS, interval=0.01, silent=silent)
+        try:
+            said = run("measure-gripper --yes --json --times 2 --robot", HOST, "--out", file)
+        finally:
+            hand.close()
+        assert said.status == status
+        if status:
+            assert "in 5 of 5 openings" in said.err and not file.exists()
+        else:
+            kept = np.array(hand.served)[[1, 3]]
+            most = 0.005 + 2 * hand.late
+            assert np.array(said.json["delay"]["samples"]) == pytest.approx(kept, abs=most)
+            file.unlink()
 
 
 def scene_of(name: str, gripper: Path) -> str:
