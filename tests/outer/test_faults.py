@@ -155,6 +155,8 @@ def test_a_signal_that_another_thread_takes_waits_for_the_start_of_processes(tmp
     code = (
         "import os, signal, threading, time\n"
         "from throwplan.planner.workers import signals_deferred\n"
+        # A shell's job in the background ignores it.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "threading.Thread(target=time.sleep, args=(0.5,)).start()\n"
         "try:\n"
         "    with signals_deferred():\n"
