@@ -43,6 +43,7 @@ class Margin:
 
 HELD = Margin("held", extra=0.002, maximum=0.05)
 PASSING = Margin("passing", extra=0.002, maximum=0.03)
+PALM = Margin("palm", extra=0.002, maximum=0.05, largest=0.01)
 CUP = Margin("cup", extra=2e-4, maximum=0.005)
 CLEAR = Margin("clear", extra=0.003, maximum=0.05, largest=0.005)
 TORQUE = Margin("torque", extra=0.01, maximum=0.3)
@@ -53,10 +54,10 @@ TOOL_SPEED = Margin("tool speed", extra=0.003, maximum=0.2)
 class Remedy:
     """The change of an NLP that removes a finding.
 
-    lazy: the constraint to add, "" for none. escalation: the constraint to add if the NLP has
-    `lazy` already. margin: enlarged if there is nothing to add, or first if the violation is
-    shallow and every NLP has the constraint at its nodes (`at_nodes`). body: gets obstacle
-    constraints.
+    lazy: the constraint to add, "" for none. escalation: the constraint to add, in place of `lazy`,
+    if the NLP has that already. margin: enlarged if there is nothing to add, or first if the
+    violation is shallow and every NLP has the constraint at its nodes (`at_nodes`). body: gets
+    obstacle constraints.
     """
 
     lazy: LazyConstraint = ""
@@ -85,7 +86,7 @@ def _remedy_for(finding: Finding, throw: Throw) -> Remedy | None:
         case Code.PALM:
             assert finding.time is not None
             early = finding.time - throw.detach_time <= PALM_TIMES[-1]
-            return Remedy("flight", escalation="return") if early else Remedy("return")
+            return Remedy("flight", PALM, escalation="return") if early else Remedy("return", PALM)
         case Code.CUP_WALL:
             return Remedy("flight", CUP)
         case Code.COLLISION:
@@ -145,7 +146,8 @@ class Refinement:
         added: set[LazyConstraint] = set()
         violations: dict[Margin, float] = {}
         for finding, remedy in remedies:
-            has = remedy.body in self.bodies if remedy.body else remedy.lazy in self.lazy
+            lazy = remedy.escalation or remedy.lazy
+            has = remedy.body in self.bodies if remedy.body else lazy in self.lazy
             if remedy.margin is not None:
                 violation, margin = _violation(finding, remedy.margin), remedy.margin
                 shallow = remedy.at_nodes and self.margins[margin.name] + violation < SHALLOW

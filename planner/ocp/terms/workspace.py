@@ -26,7 +26,8 @@ class WorkspaceSettings:
     flight; `request.PASSING` adds to it. last_instants: over these last instants of the
     flight that margin falls to zero, as the landing pose is given. return_time [s]: after detach; a
     bar may fall back on the hand from then on. return_instants: of the flight after that time.
-    palm_margin [m]: to the hand's body; covers the motion between instants.
+    palm_margin [m]: to the hand's body; covers the motion between instants; `request.PALM` adds to
+    it.
     """
 
     held_margin: float = 0.001
@@ -191,7 +192,7 @@ class Palm(SceneConstraint):
             return None
         # An outline has radii of its own.
         bar, margin = request.scene.object, SETTINGS.palm_margin + workspace.palm_clearance
-        margin = (0.0 if bar.outline else bar.width / 2) + margin
+        margin += (0.0 if bar.outline else bar.width / 2) + request.refinement.margins["palm"]
         values = {
             "palm_back": arm.tool.palm_back + margin,
             "palm_front": arm.tool.palm_front - margin,
