@@ -146,7 +146,12 @@ def test_what_the_next_problem_has_after_a_throw_that_breaks_something(pose_plan
     assert found.lazy == {"flight", "passing"}
     assert "return" in after(found, palm, passing).lazy
     # A bar that falls back on the hand later.
-    assert after(Refinement(), dataclasses.replace(palm, time=detach + 0.5)).lazy == {"return"}
+    late = dataclasses.replace(palm, time=detach + 0.5)
+    assert after(Refinement(), late).lazy == {"return"}
+    # Where rows at all instants do not keep it off, a margin does: by how much it was too near.
+    for one in (palm, late):
+        found = after(Refinement(frozenset({"return"})), one)
+        assert found.lazy == {"return"} and found.margins["palm"] == pytest.approx(0.006)
     assert after(Refinement(frozenset({"passing"})), passing).lazy == {"passing"}
     assert after(Refinement(), Finding(Code.LANDING, 0.1, 0.002, 1.0, "position")) == Refinement()
 
@@ -223,6 +228,15 @@ def test_a_bar_that_touches_the_column_between_two_instants_gets_a_margin() -> N
     planner = tp.Planner(bare("flip"))
     plan = planner.plan(aimed(planner, -0.36681081, 5.1195110), patience=90.0)
     assert plan.solved and plan.throw.refinement.margins["passing"] > 0.0, plan.message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("x", "theta"), [(0.53, 4.984), (0.352, 3.486)])
+def test_a_bar_that_falls_past_the_hand_gets_a_margin(x: float, theta: float) -> None:
+    """As in front of the base, where the hand brakes close to the flight."""
+    planner = tp.Planner("fr3", library=False)
+    plan = planner.plan(planner.scene.target.in_plane(x, theta), patience=90.0)
+    assert plan.solved and plan.throw.refinement.margins["palm"] > 0.0, plan.message
 
 
 @pytest.mark.slow
