@@ -30,7 +30,8 @@ SHALLOW = 0.015
 
 @dataclass(frozen=True)
 class Margin:
-    """An addition to the usual margin of a constraint: a distance [m] or a share of a limit.
+    """An addition to the usual margin of a constraint: a distance [m], a velocity [rad/s] or a share
+    of a limit.
 
     Each verdict adds its violation (`largest` at most) plus `extra`, up to `maximum` in total.
     """
@@ -47,6 +48,7 @@ PALM = Margin("palm", extra=0.002, maximum=0.05, largest=0.01)
 CUP = Margin("cup", extra=2e-4, maximum=0.005)
 CLEAR = Margin("clear", extra=0.003, maximum=0.05, largest=0.005)
 TORQUE = Margin("torque", extra=0.01, maximum=0.3)
+SLOWING = Margin("slowing", extra=0.005, maximum=0.3)
 TOOL_SPEED = Margin("tool speed", extra=0.003, maximum=0.2)
 
 
@@ -72,6 +74,8 @@ def _remedy_for(finding: Finding, throw: Throw) -> Remedy | None:
     match finding.code:
         case Code.SLIP_BEFORE_OPENING:
             return Remedy("carry")
+        case Code.JOINT_VELOCITY if throw.manipulator.planning.slowing is not None:
+            return Remedy(margin=SLOWING)
         case Code.TOOL_SPEED:
             return Remedy(margin=TOOL_SPEED)
         case Code.TORQUE:
@@ -99,7 +103,7 @@ def _violation(finding: Finding, margin: Margin) -> float:
     match finding.code:
         case Code.TOOL_SPEED:
             return finding.value / finding.limit - 1.0
-        case Code.TORQUE:
+        case Code.TORQUE | Code.JOINT_VELOCITY:
             return finding.value - finding.limit
     return min(finding.limit - finding.value, margin.largest)
 

@@ -153,3 +153,13 @@ def test_an_arm_without_such_limits_has_nothing_of_them(fr3):
     assert sum(more.values()) == full.size[1] - bare.size[1]
     names = {"slowing", *(f"slowing_{end}" for end in ("offset", "upper", "lower"))}
     assert set(full.parameters.blocks) - set(bare.parameters.blocks) == names
+
+
+@pytest.mark.slow
+def test_a_limit_broken_between_two_nodes_gets_a_margin() -> None:
+    """Where a joint slows down less than its limit falls."""
+    planner = tp.Planner("fr3", library=False)
+    plan = planner.plan(planner.scene.target.in_plane(-1.044, 4.27), patience=60.0)
+    assert plan.solved and plan.throw.refinement.margins["slowing"] > 0.0, plan.message
+    samples = plan.throw.samples
+    assert_kept(samples.q, samples.dq)

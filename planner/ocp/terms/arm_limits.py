@@ -15,7 +15,7 @@ from ..scene_constraint import Brake, Instant, Load, SceneConstraint
 from ..transcription import Hand, Node, Scope
 
 #: Parameters of the slowing limits, see `models.robot.Slowing`.
-SLOWING = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
+CURVES = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
 #: Time [s] around a joint's stop in which its deceleration falls to zero smoothly.
 STOP_TIME = 0.01
 
@@ -28,7 +28,12 @@ class SlowingLimits(SceneConstraint):
     def of(cls, request: Request) -> Self | None:
         """For an arm that has such limits."""
         curves = request.manipulator.planning.slowing
-        return None if curves is None else cls(dict(zip(SLOWING, curves, strict=True)))
+        if curves is None:
+            return None
+        values = dict(zip(CURVES, curves, strict=True))
+        # Between nodes the limits may fall faster than the velocity.
+        values["slowing_offset"] = values["slowing_offset"] + request.refinement.margins["slowing"]
+        return cls(values)
 
     def at_rate(self, node: Node, q: ca.SX, dq: ca.SX) -> None:
         """dq + offset <= sqrt(2 a (upper - q)), squared with its sign.
@@ -36,7 +41,7 @@ class SlowingLimits(SceneConstraint):
         The squared form has no root of a negative number at an iterate. Its error is at most
         5e-5 (rad/s)^2, on the safe side.
         """
-        twice, offset, upper, lower = (node.ocp.each(name) for name in SLOWING)
+        twice, offset, upper, lower = (node.ocp.each(name) for name in CURVES)
         unit = node.ocp.each("dq_max") ** 2
         for side, end in ((1, upper), (-1, lower)):
             speed = side * dq + offset
