@@ -30,7 +30,7 @@ SHALLOW = 0.015
 
 @dataclass(frozen=True)
 class Margin:
-    """An addition to the usual margin of a constraint, a distance [m] or velocity [rad/s], or a share
+    """An addition to the usual margin of a constraint: a distance [m], velocity [rad/s] or share
     of a limit.
 
     Each verdict adds its violation (`largest` at most) plus `extra`, up to `maximum` in total.
