@@ -24,8 +24,9 @@ class SearchSettings:
     solutions for a region are corrected up to this multiple of the least cost. first_starts:
     sampled starts solved before throws beside the target are brought to it. approaches: solved
     throws brought as near to the target as limits allow. same_distance: a throw within it of one
-    that is kept is not kept. close_distance: a target within it of the nearest landing may be in
-    reach of another motion. A target is out of reach if its `equal_landings` nearest landings have
+    that is kept is not kept; without a library, a target within it of the nearest landing is not
+    called out of reach. close_distance: a target within it of the nearest landing may be in reach
+    of another motion. A target is out of reach if its `equal_landings` nearest landings have
     distances within a factor of `equal_ratio`, or if there is a nearest landing and `vain_starts`
     sampled starts lead nowhere. An approach that limits hold farther off than `hopeless` times the
     nearest landing ends.

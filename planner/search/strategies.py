@@ -188,6 +188,15 @@ class Search:
         known += [away for _, _, away in self.arriving.nearest]
         return least <= ratio * min(known, default=math.inf) + task.scene.tolerance.position
 
+    def is_out_of_reach(self, history: History) -> bool:
+        """Whether the nearest landing, once no try is left, is a reason to call the target so.
+
+        Millimetres from it another motion may still reach the target.
+        """
+        far = history.edges[0].missed >= SETTINGS.same_distance
+        ended = far and not self.task.clock.late
+        return self.blocked or ended or self.is_settled(history)
+
     def remember(self, history: History) -> None:
         """Keeps the throws found, or the nearest landing, for later plans."""
         for attempt in history.found or history.edges[:1]:
