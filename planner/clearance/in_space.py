@@ -78,6 +78,26 @@ class SpatialScene:
         axes, places = pads.pose[:, :3, :3], pads.pose[:, :3, 3]
         return np.asarray(np.einsum("nij,pkj->pkin", axes, self.parts_in_hand) + places.T)
 
+    def object_wrench(self, pads: PadMotion) -> tuple[Array, Array]:
+        """Force [N] and torque about the pads' centre [N m], (N, 3), that the hand gives to the
+        object, in the base frame.
+
+        [object] inertia is that about the pads' normal; about the axis across both a bar has the
+        same, and about its own mass width^2 / 6, as a uniform one of square section.
+        """
+        axes, thrown = pads.pose[:, :3, :3], self.scene.object
+        r = axes @ self.com_in_hand
+        swing = np.cross(pads.omega, r)
+        a = pads.acceleration + np.cross(pads.alpha, r) + np.cross(pads.omega, swing)
+        force = thrown.mass * (a + np.array([0.0, 0.0, self.scene.gravity]))
+        own, u = thrown.mass * thrown.width**2 / 6, axes @ self.axis_in_hand
+        own = min(own, 2 * thrown.inertia)
+        spins = [
+            thrown.inertia * w + (own - thrown.inertia) * (w * u).sum(axis=1)[:, None] * u
+            for w in (pads.omega, pads.alpha)
+        ]
+        return force, np.cross(r, force) + spins[1] + np.cross(pads.omega, spins[0])
+
     def bodies(self, q: Array, times: Array, bar: Array | None = None) -> SweptBodies:
         """Arm with joints q (N, joints) at times (N,) [s], and the object's capsules with ends
         (K, 2, 3, N)."""

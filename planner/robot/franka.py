@@ -15,10 +15,11 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, load_arm
+from ..throw import TICK
 from ..workers import check_host
-from .controller_files import is_franka
+from .gripper import OPEN_WIDTH, SPEED, GripperLink, GripperState
 from .gripper import PORT as GRIPPER_PORT
-from .gripper import GripperLink, GripperState
+from .motions import NOTICED, JointMotion, is_franka
 
 #: TCP ports of robot and gripper.
 PORTS = (1337, GRIPPER_PORT)
@@ -149,6 +150,24 @@ def check_arm(where: str | Path, arm: Arm) -> None:
                     f"{where}: {robot}, whose limit of joint {j} {name} is {its:g}; the plan's "
                     f'arm {arm.name} has {mine:g}: plan it with arm = "{ARM}"'
                 )
+
+
+def check_motion(where: str | Path, motion: JointMotion) -> None:
+    """InputError, naming `where`, unless an FR3 can send the motion.
+
+    Besides the arm: the hand has the time to close at a cycle's picks.
+    """
+    check_arm(where, motion.arm)
+    for carry in motion.carries if motion.picks else ():
+        dwell, close = carry.throw.scene.gripper.profile().dwell, carry.close
+        way = OPEN_WIDTH - close.width - close.tolerance
+        least, given = dwell + way / SPEED + TICK * NOTICED, TICK * (carry.held - carry.reach)
+        if given < least:
+            raise InputError(
+                f"{where}: {carry.pick}: the hand closes at {SPEED:g} m/s at most, and needs "
+                f"{least:.2f} s until it holds the object; the arm waits {given:.2f} s: plan it "
+                "with a longer grasp_time"
+            )
 
 
 def _check_flange(host: str, arm: Arm, state: Any) -> None:

@@ -14,7 +14,7 @@ from ...models import Array
 from ...models.robot import PadMotion, segment_distance
 from ..clearance import BAR, SpatialScene, bar_ends, bar_radii
 from ..throw import TICK, Samples, Throw, arm_excesses
-from .carry import grip_findings, object_wrench
+from .carry import grip_findings
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .single import FLYING, NEAR, collision
 
@@ -93,7 +93,7 @@ def _torque(motion: _SpatialMotion) -> Iterator[Finding]:
         limits[throwing] = section.of(arm, motion.space.kinematics.throwing_joints)
     load = np.zeros((len(motion.q), 6))
     if motion.held:
-        load = np.hstack(object_wrench(motion.space, motion.pads))
+        load = np.hstack(motion.space.object_wrench(motion.pads))
     states = motion.q, motion.dq, motion.ddq
     torques = motion.space.spatial.torques(*states, scene.gravity, load)
     for j, use in enumerate((np.abs(torques) / limits).T, start=1):
