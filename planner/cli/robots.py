@@ -27,10 +27,16 @@ from .common import (
 )
 from .saved_plans import add_plan, add_plan_or_cycle
 
-#: Questions before a throw, and before a cycle.
+#: Questions before a throw and its rehearsal, and before those of a cycle.
 QUESTIONS = (
-    "The robot moves. Is its way clear, and the object between the pads? [y/N] ",
-    "The robot moves. Is its way clear, and each object at its pick? [y/N] ",
+    (
+        "The robot moves. Is its way clear, and the object between the pads? [y/N] ",
+        "The robot moves slowly. Is its way clear, and the hand empty? [y/N] ",
+    ),
+    (
+        "The robot moves. Is its way clear, and each object at its pick? [y/N] ",
+        "The robot moves slowly. Is its way clear, and are hand and all picks empty? [y/N] ",
+    ),
 )
 
 
@@ -75,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     folder, runs, lines = prepare_folder(Path(options.out), ("run.csv",)), [], []
     report_step(f"connecting to {options.robot}")
     with robot.connected(options.robot) as franka:
-        question = QUESTIONS[plan.picks]
+        question = QUESTIONS[plan.picks][0]
         recordings = robot.throws(franka, plan, sent, partial(_confirm, options.yes, question))
         for k, recording in enumerate(islice(recordings, options.repeat), start=1):
             name = "run.csv" if options.repeat == 1 else f"run{k}.csv"
@@ -94,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
 def _rehearse(options: argparse.Namespace, plan: robot.JointMotion, sent: robot.JointMotion) -> int:
     """Send the motion slowly, without an opening."""
     report_step(f"connecting to {options.robot}")
-    question = "The robot moves slowly. Is its way clear, and the hand empty? [y/N] "
+    question = QUESTIONS[plan.picks][1]
     with robot.connected(options.robot) as franka:
         found = robot.rehearse(franka, plan, sent, partial(_confirm, options.yes, question))
     name, duration = plan.throw.scene.name, float(found.times[-1])
@@ -111,9 +117,11 @@ def _rehearse(options: argparse.Namespace, plan: robot.JointMotion, sent: robot.
 def _print_motion(options: argparse.Namespace, sent: robot.JointMotion) -> int:
     """Print the motion; with a robot, check that it is ready."""
     facts = robot.motion_facts(sent)
+    count = f"{len(sent.carries)} picks and throws, " if sent.picks else ""
+    first = ", ".join(f"{angle:.4f}" for angle in facts["start"])
     lines = [
-        f"{sent.throw.scene.name}: {facts['samples']} samples in {facts['duration']:.3f} s to "
-        f"{sent.arm.name}, from q = [{', '.join(f'{angle:.4f}' for angle in facts['start'])}] rad",
+        f"{sent.throw.scene.name}: {count}{facts['samples']} samples in {facts['duration']:.3f} s "
+        f"to {sent.arm.name}, from q = [{first}] rad"
     ]
     for one in sent.carries:
         opens = f"opening command {1e3 * one.open.time:.1f} ms after the first"

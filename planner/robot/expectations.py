@@ -11,6 +11,7 @@ import numpy as np
 
 from ...models import Array
 from ..clearance import SweptBodies, bar_radii
+from .gripper import FORCES
 from .motions import Carry, JointMotion
 
 #: Torques [N m] below this are not named.
@@ -122,14 +123,9 @@ class Expectations:
     def words(self) -> str:
         """All of it as lines for people."""
         torque, force = self.thresholds
-        what, leaves = (
-            ("objects fly", "does not hold it")
-            if self.motion.picks
-            else (
-                "object flies",
-                "has left the hand",
-            )
-        )
+        what, while_empty = "object flies", "once the object has left the hand"
+        if self.motion.picks:
+            what, while_empty = "objects fly", "while the hand is empty"
         lines = [f"the {what} through {_range_words(self.flown)}, and on after landing"]
         alike = dict[str, list[str]]()
         for name, (mass, com) in self.loads.items():
@@ -142,7 +138,13 @@ class Expectations:
             limits = ", ".join(f"{value:.1f} N m (joint {j})" for j, value in torque.items())
             lines.append(
                 f"collision thresholds: above {limits} and {force:.0f} N, by which the controller "
-                f"errs once the object {leaves}; what its model errs comes on top"
+                f"errs {while_empty}; what its model errs comes on top"
+            )
+        grips = [carry.close.force for carry in self.motion.carries if carry.pick]
+        if max(grips, default=0.0) > FORCES[0]:
+            lines.append(
+                f"grip force: {max(grips):g} N; a Franka Hand keeps {FORCES[0]:g} N for long, and "
+                f"has {FORCES[1]:g} N at most"
             )
         return "\n".join([self.swept_words, *(f"  {line}" for line in lines)])
 

@@ -17,16 +17,14 @@ from ..throw import TICK, Samples, joint_limits, within_limits
 from ..verdict import Code, Finding, collision
 from .expectations import Expectations, swept_bodies
 from .franka import STILL, Franka
-from .gripper import GRASP_TOLERANCE, MOVED, OPEN_WIDTH, SPEED, GripperLink, GripperState
+from .gripper import FORCES, GRASP_TOLERANCE, MOVED, OPEN_WIDTH, SPEED, GripperLink, GripperState
 from .learning import corrected
 from .motions import JointMotion
 from .recording import Recording
-from .watch import Stop, Watch, stops
+from .watch import Stop, Watch, find_stops
 
 #: Time [s] in which the gripper ends a motion.
 GRIPPER_ENDS = 10.0
-#: Grip force [N] with which it closes: the Franka Hand's largest continuous one, by its data sheet.
-GRIP_FORCE = 70.0
 #: Speed [m/s] of the fastest end of the capsules of arm, hand and held bar in a rehearsal: reduced
 #: speed, ISO 10218-1.
 REHEARSAL_SPEED = 0.25
@@ -44,7 +42,7 @@ def throws(
     while True:
         start, gripper = franka.check(plan.arm)
         ready, way = ready or _ready_state(franka, sent, gripper), approach(sent, start)
-        ends = stops(sent)
+        stops = find_stops(sent)
         what = f"{len(sent.carries)} picks and throws" if sent.picks else "the throw"
         words = (
             f"{_approach_words(franka, sent, start)}, then {what} in {sent.times[-1]:.2f} s; "
@@ -59,7 +57,7 @@ def throws(
         # The object may have been lost while a person answered.
         if not _equal(franka.gripper.state(), ready):
             _restore(franka.gripper, ready)
-        recording = play(franka, sent, way, ends)
+        recording = play(franka, sent, way, stops)
         yield recording
         if recording.trouble or sent.picks:
             return
@@ -114,8 +112,10 @@ def _slowed(motion: JointMotion, q: Array) -> Array:
     return Trajectory.through(times, q).at(np.minimum(slow, times[-1])).pose.T
 
 
-def play(franka: Franka, motion: JointMotion, way: Array, ends: list[Stop]) -> Recording:
-    """Move along `way` (N, joints) [rad] to the motion's start; throw; record. ends: its `stops`.
+def play(franka: Franka, motion: JointMotion, way: Array, stops: list[Stop]) -> Recording:
+    """Move along `way` (N, joints) [rad] to the motion's start; throw; record.
+
+    stops: of the motion, from `find_stops`.
 
     If an object is not grasped or lost, or the gripper's connection fails, before the last opening
     command, the arm brakes at once, and the gripper gets no further command. A gripper that does
@@ -123,7 +123,7 @@ def play(franka: Franka, motion: JointMotion, way: Array, ends: list[Stop]) -> R
     recording's `trouble`. InputError for errors of the controller, and if the arm does not come to
     rest at the goal.
     """
-    watch = Watch(franka.gripper, franka.gripper.state(), motion, ends)
+    watch = Watch(franka.gripper, franka.gripper.state(), motion, stops)
     recording = _send(franka, way, motion.q, watch)
     return dataclasses.replace(recording, trouble=watch.trouble or watch.unopened())
 
@@ -189,7 +189,7 @@ def _restore(gripper: GripperLink, ready: GripperState) -> None:
     """Move the gripper as before the first motion; InputError if it lacks the object."""
     if ready.holds:
         tolerances = GRASP_TOLERANCE, GRASP_TOLERANCE
-        gripper.order("grasp", ready.width, *tolerances, SPEED, GRIP_FORCE)
+        gripper.order("grasp", ready.width, *tolerances, SPEED, FORCES[0])
     else:
         gripper.order("move", ready.width, SPEED)
     result = gripper.result(GRIPPER_ENDS) or "does not end"

@@ -23,8 +23,6 @@ from .gripper import GRASP_TOLERANCE, MOVED, OPEN_WIDTH
 
 #: An instant is on a tick if it is within this distance of it [ticks].
 ON_TICK = 1e-6
-#: Samples before the end of a stay at a pick at which the grasp is checked, in time for a stop.
-NOTICED = 12
 #: Time [s] after a throw in which the gripper must have reported that it is open, if the arm goes
 #: on to another pick: two reports of a Franka Hand, and a spare one.
 OPENED = 0.3

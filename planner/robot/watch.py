@@ -12,16 +12,16 @@ from functools import partial
 from ...models import Array
 from ...problems import InputError
 from ..throw import TICK, Samples, braked, joint_limits
-from ..verdict import Code, motion_verdict
+from ..verdict import motion_verdict
 from .gripper import MOVED, SPEED, GripperLink, GripperState
-from .motions import NOTICED, Carry, JointMotion
+from .motions import Carry, JointMotion
 
 #: Time [s] after a motion in which the gripper must have begun to open.
 UNOPENED = 3.0
 #: Distance [samples] of the instants at which the arm may stop on the way, and shortest notice.
 STOPS, NOTICE = 10, 2
-#: Not judged in a stop: the object is lost or stays, and the arm's controller watches the torques.
-UNJUDGED = Code.CARRY, Code.TORQUE, Code.TORQUE_RATE, Code.TOOL_SPEED
+#: The grasp is checked so many samples before the arm leaves a pick, in time for a stop there.
+GRASP_CHECK = STOPS + NOTICE
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Stop:
 class Watch:
     """The gripper during a motion: its commands in time, its width, and what goes wrong.
 
-    before: its state before the motion, which it keeps without one; motion: with commands; ends:
-    its `stops`.
+    before: its state before the motion, which it keeps without one; motion: with commands; stops:
+    of the motion, from `find_stops`.
     """
 
     def __init__(
@@ -45,26 +45,27 @@ class Watch:
         gripper: GripperLink,
         before: GripperState,
         motion: JointMotion | None = None,
-        ends: Sequence[Stop] = (),
+        stops: Sequence[Stop] = (),
     ) -> None:
         self.gripper = gripper
         #: What went wrong, in words; empty while nothing has.
         self.trouble = ""
-        # Of opening commands, by the robot's clock [s], 0 at the first sample; the one under way.
+        # When opening commands went out; when the last one did, or NaN if that is among them.
         self._command_times, self._commanded = list[float](), math.nan
         self.widths = [(0.0, before.width)]
-        self._stops = ends
+        self._stops = stops
         self._object = "" if motion is None else motion.carries[0].name
         # With an object in the hand, or none: the state that must last; None while it may change.
         self._kept = None if motion is not None and motion.picks else before
-        #: What is to come: when [s], and what is done then, with the time since the first sample.
-        self._agenda = [] if motion is None else list(self._actions(motion))
+        # What is due when [s]; each is called with the time since the first sample.
+        self._schedule = [] if motion is None else list(self._actions(motion))
 
     def _actions(self, motion: JointMotion) -> Iterator[tuple[float, Callable[[float], None]]]:
+        """Commands and checks in turn, each with its time [s]."""
         for carry in motion.carries:
             if carry.pick:
                 yield carry.close.time, partial(self._close, carry)
-                yield TICK * (carry.held - NOTICED), partial(self._check_grasp, carry)
+                yield TICK * (carry.held - GRASP_CHECK), partial(self._check_grasp, carry)
             yield carry.open.time, partial(self._open, carry)
             if carry.due is not None:
                 yield TICK * carry.due, partial(self._check_opening, carry)
@@ -79,8 +80,8 @@ class Watch:
 
         Returns where to stop if something went wrong, once.
         """
-        while self._agenda and elapsed + TICK > self._agenda[0][0] and not self.trouble:
-            self._agenda.pop(0)[1](elapsed)
+        while self._schedule and elapsed + TICK > self._schedule[0][0] and not self.trouble:
+            self._schedule.pop(0)[1](elapsed)
         if self._has_report():
             self.widths.append((elapsed, self.gripper.states[-1].width))
             self._look(f"{elapsed:.2f} s after the start", "the arm braked without an opening")
@@ -111,7 +112,7 @@ class Watch:
         values = command.width, command.tolerance, command.tolerance, SPEED, command.force
         # The gripper's process waits for the rest of the cycle.
         wait = max(command.time - elapsed, 0.0)
-        self._note_command()
+        self._command_times, self._commanded = [*self.command_times], math.nan
         with self._failures():
             self.gripper.order("grasp", *values, after=wait)
 
@@ -121,11 +122,13 @@ class Watch:
         if now.holds and abs(now.width - command.width) < command.tolerance:
             self._kept = now
             return
+        low, high = command.width - command.tolerance, command.width + command.tolerance
         self.trouble = (
-            f"{carry.name} was not grasped: the gripper is {1e3 * now.width:.0f} mm wide "
-            f"{elapsed - command.time:.2f} s after its command to close, must hold "
-            f"{1e3 * command.width:.0f} mm; the arm stopped at the pick: put it there, or plan "
-            "with a longer grasp_time"
+            f"{carry.name} was not grasped: {elapsed - command.time:.2f} s after its command the "
+            f"gripper is {1e3 * now.width:.0f} mm wide and holds "
+            f"{'something' if now.holds else 'nothing'}, must hold {1e3 * low:.0f} to "
+            f"{1e3 * high:.0f} mm; the arm stopped at the pick: put the object there, or plan with "
+            "a longer grasp_time"
         )
 
     def _open(self, carry: Carry, elapsed: float) -> None:
@@ -136,23 +139,18 @@ class Watch:
             self._commanded = elapsed + wait
         self._kept = None
 
-    def _note_command(self) -> None:
-        """Keep when the opening command under way went out."""
-        if not math.isnan(self._commanded):
-            self._command_times.append(self._commanded + self.gripper.late)
-        self._commanded = math.nan
-
     @property
     def command_times(self) -> tuple[float, ...]:
         """When opening commands went out, by the robot's clock [s], 0 at the first sample."""
-        self._note_command()
-        return tuple(self._command_times)
+        last = () if math.isnan(self._commanded) else (self._commanded + self.gripper.late,)
+        return (*self._command_times, *last)
 
     def _check_opening(self, carry: Carry, elapsed: float) -> None:
         """Keep in words that the gripper has not opened before the next pick, if it has not."""
         if not self._is_open:
             late = elapsed - carry.open.time
-            self.trouble = self._unopened_words(f"{late:.2f} s after its command", "braked")
+            words = self._unopened_words(f"{late:.2f} s after its command", "braked")
+            self.trouble = f"{carry.pick} was not thrown: {words}"
 
     def _look(self, when: str, then: str) -> None:
         """Keep in words that the gripper has lost the object, if it has."""
@@ -193,7 +191,7 @@ class Watch:
         )
 
 
-def stops(motion: JointMotion) -> list[Stop]:
+def find_stops(motion: JointMotion) -> list[Stop]:
     """Ways to stop, from samples `STOPS` apart, as long as the gripper is watched.
 
     Only those that meet nothing with the object in the hand.
@@ -205,8 +203,6 @@ def stops(motion: JointMotion) -> list[Stop]:
         for sample in range(-(-part.start // STOPS) * STOPS, min(part.stop, end), STOPS):
             row = slice(sample, sample + 1)
             brake = braked(limits, Samples(motion.q[row], motion.dq[row], motion.ddq[row]))
-            # Where it stands, the motion itself has been judged.
-            stands = len(brake.q) == 1
-            if stands or motion_verdict(carry.space, brake, held=True).without(*UNJUDGED).ok:
+            if motion_verdict(carry.space, brake, held=True, loads=False).ok:
                 found.append(Stop(sample, brake.q[1:]))
     return found
