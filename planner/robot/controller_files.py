@@ -65,7 +65,7 @@ def export(
         words = f"the plan's arm is {motion.arm.name}, must be a Franka; --ros takes any arm"
         raise InputError(f"--franka: {words}")
     if franka is not None and motion.picks:
-        words = "its program takes one throw; --ros takes a cycle, motion.csv has all joints"
+        words = "its program does not watch the gripper: `throwplan run` does, or take --ros"
         raise InputError(f"--franka: not for a cycle: {words}")
     joints = joint_names(motion.arm, names)
     commands = [

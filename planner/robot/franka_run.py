@@ -46,13 +46,11 @@ def throws(
         what = f"{len(sent.carries)} picks and throws" if sent.picks else "the throw"
         words = (
             f"{_approach_words(franka, sent, start)}, then {what} in {sent.times[-1]:.2f} s; "
-            f"the gripper {_changes(gripper, ready)}\n{Expectations(sent, way).words}"
+            f"the gripper {_changes(gripper, ready)}\n{Expectations(sent, way).words}\n"
+            "  Python sends it, and misses cycles on a busy machine"
         )
         if not sent.picks:
-            words += (
-                "\n  Python sends it, and misses cycles on a busy machine: for throws in earnest "
-                "take the C++ program of export --franka"
-            )
+            words += ": for throws in earnest take the C++ program of export --franka"
         ask(words)
         # The object may have been lost while a person answered.
         if not _equal(franka.gripper.state(), ready):

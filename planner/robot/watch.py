@@ -54,9 +54,9 @@ class Watch:
         self._command_times, self._commanded = list[float](), math.nan
         self.widths = [(0.0, before.width)]
         self._stops = stops
-        self._object = "" if motion is None else motion.carries[0].name
-        # With an object in the hand, or none: the state that must last; None while it may change.
-        self._kept = None if motion is not None and motion.picks else before
+        # The object in the hand, empty without one; the state that must last, if one must.
+        self._object = "" if motion is None or motion.picks else motion.carries[0].name
+        self._kept: GripperState | None = before
         # What is due when [s]; each is called with the time since the first sample.
         self._schedule = [] if motion is None else list(self._actions(motion))
 
@@ -112,6 +112,7 @@ class Watch:
         values = command.width, command.tolerance, command.tolerance, SPEED, command.force
         # The gripper's process waits for the rest of the cycle.
         wait = max(command.time - elapsed, 0.0)
+        self._kept = None
         self._command_times, self._commanded = [*self.command_times], math.nan
         with self._failures():
             self.gripper.order("grasp", *values, after=wait)

@@ -150,6 +150,13 @@ def test_the_hand_is_empty_before_a_cycle_and_opened(motion) -> None:
     assert not stuck.robot.sent
 
 
+def test_a_hand_that_closes_on_the_way_to_the_first_pick_ends_the_run(motion) -> None:
+    franka = simulated(lambda tick: 0.08 if tick < 500 else 0.03, holds=False)
+    with pytest.raises(InputError, match="moved by itself: it went from 80 to 30 mm"):
+        one_run(franka, motion)
+    assert not franka.gripper.orders and franka.robot.finished
+
+
 def test_a_rehearsal_leaves_the_gripper(motion) -> None:
     franka, asked = opened(), list[str]()
     recording = rehearse(franka, motion, motion, asked.append)
