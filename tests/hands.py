@@ -92,7 +92,7 @@ class FakeHand:
                     self.holds, pending = pending[0] == GRASP and self.goal > 0.0, None
                     self._held_since = now
                 dropped, after = self.drops
-                if self.holds and self.grasped == dropped and now > self._held_since + after:
+                if self.holds and 0 < self.grasped == dropped and now > self._held_since + after:
                     self.holds = False
                     self._begin(0.0)
                 try:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, read_only
 from ...models.robot import PadMotion, PlanarArm, SpatialArm
 from ...problems import Scene, ThrowPlane
 from ..throw import Manipulator
@@ -48,7 +48,7 @@ class SpatialScene:
     def _in_pads(self, places: Array) -> Array:
         """Places (..., 3) [m] in the throw's plane at rest, in the frame of the pads."""
         pads, lateral = self._at_rest[1], [0.0, self.kinematics.arm.lateral, 0.0]
-        return np.asarray((places + lateral - pads[:3, 3]) @ pads[:3, :3])
+        return read_only((places + lateral - pads[:3, 3]) @ pads[:3, :3])
 
     @cached_property
     def com_in_hand(self) -> Array:
@@ -60,7 +60,7 @@ class SpatialScene:
     def axis_in_hand(self) -> Array:
         """The held object's axis (3,), from the end that `com` counts from, in the pads' frame."""
         theta, pads = self._at_rest[0][2, 0], self._at_rest[1]
-        return np.asarray([np.cos(theta), 0.0, np.sin(theta)] @ pads[:3, :3])
+        return read_only(np.array([np.cos(theta), 0.0, np.sin(theta)]) @ pads[:3, :3])
 
     @cached_property
     def parts_in_hand(self) -> Array:

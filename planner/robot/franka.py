@@ -160,9 +160,10 @@ def check_motion(where: str | Path, motion: JointMotion) -> None:
     """
     check_arm(where, motion.arm)
     for carry in motion.carries if motion.picks else ():
-        dwell, close = carry.throw.scene.gripper.profile().dwell, carry.close
+        scene, close = carry.throw.scene, carry.close
+        delay = scene.gripper.profile().dwell + scene.mean_delay
         way = OPEN_WIDTH - close.width - close.tolerance
-        least = dwell + way / SPEED + TICK * GRASP_CHECK
+        least = delay + way / SPEED + TICK * GRASP_CHECK
         given = TICK * (carry.held - carry.reach)
         if given < least:
             raise InputError(
