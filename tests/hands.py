@@ -18,7 +18,8 @@ class FakeHand:
     delays [s]: of its openings in turn, closings take the first; stuck: openings move nothing.
     late [s]: how much later than due a report went out at worst, since the machine had other work;
     silent: numbers of the openings in which it reports nothing while it moves; served: the delays
-    of its openings until now.
+    of its openings until now. grasps: how many grasps find an object of 20 mm; drops: the number of
+    the grasp whose object it loses, and how long after it holds it [s].
     """
 
     def __init__(
@@ -34,12 +35,15 @@ class FakeHand:
         most: float = 0.08,
         stuck: bool = False,
         silent: Sequence[int] = (),
+        grasps: float = 0,
+        drops: tuple[float, float] = (0, 0.0),
     ) -> None:
         self.delays, self.speed, self.interval, self.ramp = list(delays), speed, interval, ramp
         self.start = self.goal = width
         self.begin, self.stuck, self.holds, self.most = 0.0, stuck, holds, most
-        self.moves: list[float] = []
+        self._held_since = 0.0
         self.late, self.silent = 0.0, silent
+        self.grasps, self.drops, self.grasped = grasps, drops, 0
         self.served: list[float] = []
         self._server = socket.create_server((host, 1338))
         self._server.settimeout(0.1)
@@ -85,7 +89,12 @@ class FakeHand:
                     states.sendto(struct.pack("<IddBH", *row), (peer, port))
                 if pending and abs(self.width() - self.goal) < 1e-9:
                     orders.sendall(HEADER.pack(*pending, 12) + b"\0\0")
-                    pending = None
+                    self.holds, pending = pending[0] == GRASP and self.goal > 0.0, None
+                    self._held_since = now
+                dropped, after = self.drops
+                if self.holds and 0 < self.grasped == dropped and now > self._held_since + after:
+                    self.holds = False
+                    self._begin(0.0)
                 try:
                     head = orders.recv(HEADER.size)
                 except TimeoutError:
@@ -100,7 +109,11 @@ class FakeHand:
                     port = struct.unpack("<HH", payload)[1]
                     orders.sendall(HEADER.pack(0, order, 14) + struct.pack("<HH", 0, 3))
                 else:
-                    self._begin(struct.unpack_from("<d", payload)[0])
+                    goal = struct.unpack_from("<d", payload)[0]
+                    if command == GRASP:
+                        self.grasped += 1
+                        goal = 0.02 if self.grasped <= self.grasps else 0.0
+                    self._begin(goal)
                     pending = command, order
 
     def _begin(self, goal: float) -> None:

@@ -38,13 +38,15 @@ x = 0.45
 y = 0.1
 z = 0.35
 """
-#: Two parts and a bin.
-TWO = f"""{ONE}
+#: Two parts and a bin of an FR3, whose hand has the time to close.
+TWO = f"""{ONE.replace("pose", "fr3")}
+grasp_time = 0.5
 [[pick]]
 name = "other part"
 x = 0.45
 y = -0.1
 z = 0.35
+grasp_time = 0.5
 """
 
 

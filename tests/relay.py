@@ -1,7 +1,8 @@
-"""A relay in front of a simulated Franka that spoils what its gripper hears.
+"""A relay in front of a simulated Franka that spoils what its gripper hears, or takes its place.
 
-`relay.py HOST SERVER deaf` or `relay.py HOST SERVER DELAY ...`: a process of its own, since the
-binding of libfranka holds Python's lock while it connects.
+`relay.py HOST SERVER deaf`, `relay.py HOST SERVER DELAY ...` or `relay.py HOST SERVER hand GRASPS
+DROPPED AFTER`, with another hand: see `FakeHand`. A process of its own, since the binding of
+libfranka holds Python's lock while it connects.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+
+from hands import FakeHand
 
 HEADER = struct.Struct("<HII")
 MOVE = 3
@@ -33,11 +36,12 @@ class Relay:
         delays: Sequence[float] = (0.0,),
         *,
         deaf: bool = False,
+        ports: Sequence[int] = (1337, 1338),
     ) -> None:
         self.server, self.delays, self.deaf = server, itertools.cycle(delays), deaf
         # The simulated gripper's at first.
         self.goal = 0.04
-        self._ports = [socket.create_server((host, port)) for port in (1337, 1338)]
+        self._ports = [socket.create_server((host, port)) for port in ports]
         for port in self._ports:
             threading.Thread(target=self._accept, args=(port,), daemon=True).start()
 
@@ -99,7 +103,14 @@ def _end(*sockets: socket.socket) -> None:
 
 
 if __name__ == "__main__":
-    deaf = sys.argv[3] == "deaf"
-    Relay(*sys.argv[1:3], [0.0] if deaf else [float(word) for word in sys.argv[3:]], deaf=deaf)
+    (host, server, kind), numbers = sys.argv[1:4], [float(word) for word in sys.argv[4:]]
+    if kind == "hand":
+        grasps, *drops = numbers
+        FakeHand(host, [0.05], width=0.08, grasps=grasps, drops=(drops[0], drops[1]))
+        Relay(host, server, ports=[1337])
+    elif kind == "deaf":
+        Relay(host, server, deaf=True)
+    else:
+        Relay(host, server, [float(kind), *numbers])
     print("ready", flush=True)
     threading.Event().wait()

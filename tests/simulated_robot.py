@@ -5,6 +5,7 @@ Every command takes a millisecond of a clock of its own. The joints follow at on
 
 from __future__ import annotations
 
+import math
 import types
 from collections.abc import Callable
 from typing import Any
@@ -72,9 +73,11 @@ class SimulatedRobot:
 
 
 class SimulatedHand:
-    """A gripper's link: `width_at(tick)` [m] until it is ordered to open.
+    """A gripper's link: `width_at(tick)` [m] until it is ordered to open or to grasp.
 
-    opens: whether an order opens it, 30 ms later.
+    opens, grasps: how many orders open it, 30 ms later, and how many close it on an object of
+    20 mm, 200 ms later; others leave it, and close it on nothing. drops: the number of the grasp
+    whose object it loses, how long after that [s].
     """
 
     host = "host"
@@ -84,21 +87,33 @@ class SimulatedHand:
         robot: SimulatedRobot,
         width_at: Callable[[int], float] = lambda tick: 0.02,
         *,
-        opens: bool = True,
+        opens: float = math.inf,
         holds: bool = True,
+        grasps: float = math.inf,
+        drops: tuple[int, float] = (0, 0.0),
     ) -> None:
         self.robot, self.width_at, self.opens, self.holds = robot, width_at, opens, holds
+        self.grasps, self.drops = grasps, drops
         self.orders: list[tuple[str, float]] = []
-        self.ordered: int | None = None
+        #: When orders came [s], by the robot's clock.
+        self.times: list[float] = []
         self.late = 0.0
         self.states = [self.state()]
 
     def state(self) -> GripperState:
         """The state now."""
-        tick = self.robot.tick
-        open_now = self.ordered is not None and self.opens and tick > self.ordered + 30
-        width = 0.08 if open_now else self.width_at(tick)
-        return GripperState(width, 0.08, self.holds and not open_now, TICK * tick)
+        tick, (dropped, after) = self.robot.tick, self.drops
+        width, holds, counts = self.width_at(tick), self.holds, {"move": 0, "grasp": 0}
+        for (command, _), ordered in zip(self.orders, self.times, strict=True):
+            counts[command] += 1
+            since = TICK * tick - ordered
+            if command == "move" and since > 0.03 and counts["move"] <= self.opens:
+                width, holds = 0.08, False
+            elif command == "grasp" and since > 0.2:
+                holds = counts["grasp"] <= self.grasps
+                holds &= counts["grasp"] != dropped or since < after
+                width = 0.02 if holds else 0.0
+        return GripperState(width, 0.08, holds, TICK * tick)
 
     #: It is homed.
     homed_state = state
@@ -106,7 +121,7 @@ class SimulatedHand:
     def order(self, command: str, *values: float, after: float = 0.0) -> None:
         """Take an order."""
         self.orders.append((command, values[0]))
-        self.ordered = self.robot.tick
+        self.times.append(TICK * self.robot.tick + after)
         self.states = self.states[-1:]
 
     def update(self, patience: float = 0.0) -> bool:
@@ -116,7 +131,7 @@ class SimulatedHand:
         return True
 
 
-def simulated(width_at: Callable[[int], float] = lambda tick: 0.02, **hand: bool) -> Franka:
+def simulated(width_at: Callable[[int], float] = lambda tick: 0.02, **hand: Any) -> Franka:
     """A robot with its gripper."""
     robot = SimulatedRobot()
     return Franka("host", robot, SimulatedHand(robot, width_at, **hand), BINDING)  # type: ignore[arg-type]

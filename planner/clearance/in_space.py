@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, read_only
 from ...models.robot import PadMotion, PlanarArm, SpatialArm
 from ...problems import Scene, ThrowPlane
 from ..throw import Manipulator
@@ -48,7 +48,7 @@ class SpatialScene:
     def _in_pads(self, places: Array) -> Array:
         """Places (..., 3) [m] in the throw's plane at rest, in the frame of the pads."""
         pads, lateral = self._at_rest[1], [0.0, self.kinematics.arm.lateral, 0.0]
-        return np.asarray((places + lateral - pads[:3, 3]) @ pads[:3, :3])
+        return read_only((places + lateral - pads[:3, 3]) @ pads[:3, :3])
 
     @cached_property
     def com_in_hand(self) -> Array:
@@ -60,7 +60,7 @@ class SpatialScene:
     def axis_in_hand(self) -> Array:
         """The held object's axis (3,), from the end that `com` counts from, in the pads' frame."""
         theta, pads = self._at_rest[0][2, 0], self._at_rest[1]
-        return np.asarray([np.cos(theta), 0.0, np.sin(theta)] @ pads[:3, :3])
+        return read_only(np.array([np.cos(theta), 0.0, np.sin(theta)]) @ pads[:3, :3])
 
     @cached_property
     def parts_in_hand(self) -> Array:
@@ -77,6 +77,26 @@ class SpatialScene:
         """Ends (K, 2, 3, N) [m] of the axes of the held object's capsules, one for a bar."""
         axes, places = pads.pose[:, :3, :3], pads.pose[:, :3, 3]
         return np.asarray(np.einsum("nij,pkj->pkin", axes, self.parts_in_hand) + places.T)
+
+    def object_wrench(self, pads: PadMotion) -> tuple[Array, Array]:
+        """Force [N] and torque about the pads' centre [N m], (N, 3), that the hand gives to the
+        object, in the base frame.
+
+        [object] inertia is that about the pads' normal; about the axis across both a bar has the
+        same, and about its own mass width^2 / 6, as a uniform one of square section.
+        """
+        axes, thrown = pads.pose[:, :3, :3], self.scene.object
+        r = axes @ self.com_in_hand
+        swing = np.cross(pads.omega, r)
+        a = pads.acceleration + np.cross(pads.alpha, r) + np.cross(pads.omega, swing)
+        force = thrown.mass * (a + np.array([0.0, 0.0, self.scene.gravity]))
+        own, u = thrown.mass * thrown.width**2 / 6, axes @ self.axis_in_hand
+        own = min(own, 2 * thrown.inertia)
+        spins = [
+            thrown.inertia * w + (own - thrown.inertia) * (w * u).sum(axis=1)[:, None] * u
+            for w in (pads.omega, pads.alpha)
+        ]
+        return force, np.cross(r, force) + spins[1] + np.cross(pads.omega, spins[0])
 
     def bodies(self, q: Array, times: Array, bar: Array | None = None) -> SweptBodies:
         """Arm with joints q (N, joints) at times (N,) [s], and the object's capsules with ends

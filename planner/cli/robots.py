@@ -25,15 +25,24 @@ from .common import (
     report_step,
     written,
 )
-from .saved_plans import add_plan
+from .saved_plans import add_plan, add_plan_or_cycle
 
-#: Question before a throw.
-QUESTION = "The robot moves. Is its way clear, and the object between the pads? [y/N] "
+#: Questions before a throw and its rehearsal, and before those of a cycle.
+QUESTIONS = (
+    (
+        "The robot moves. Is its way clear, and the object between the pads? [y/N] ",
+        "The robot moves slowly. Is its way clear, and the hand empty? [y/N] ",
+    ),
+    (
+        "The robot moves. Is its way clear, and each object at its pick? [y/N] ",
+        "The robot moves slowly. Is its way clear, and are hand and all picks empty? [y/N] ",
+    ),
+)
 
 
 def run_arguments(add: Add) -> None:
     """The options of `run`."""
-    add_plan(add)
+    add_plan_or_cycle(add)
     add("--robot", metavar="HOST", help="address of a Franka Research 3")
     add("--yes", action="store_true", help="move without confirmation")
     add("--dry", action="store_true", help="print the motion instead of sending it")
@@ -48,13 +57,15 @@ def run_arguments(add: Add) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Execute a plan on a Franka robot and record it.
+    """Execute a plan or a cycle on a Franka robot and record it.
 
     example: throwplan run out/fr3/plan.json --robot 172.16.0.2
     """
-    _refuse_cycle(options)
+    if is_cycle(options.plan) and (options.after is not None or options.repeat > 1):
+        words = "a cycle is not corrected by a recording, and is run once at a time"
+        raise InputError(f"--after, --repeat: not with a cycle: {words}")
     plan = robot.joint_motion(options.plan)
-    robot.check_arm(options.plan, plan.arm)
+    robot.check_motion(options.plan, plan)
     sent = plan
     if options.after is not None:
         sent, _ = robot.corrected(plan, robot.read_recording(options.after, plan))
@@ -70,7 +81,8 @@ def run(options: argparse.Namespace) -> int:
     folder, runs, lines = prepare_folder(Path(options.out), ("run.csv",)), [], []
     report_step(f"connecting to {options.robot}")
     with robot.connected(options.robot) as franka:
-        recordings = robot.throws(franka, plan, sent, partial(_confirm, options.yes, QUESTION))
+        question = QUESTIONS[plan.picks][0]
+        recordings = robot.throws(franka, plan, sent, partial(_confirm, options.yes, question))
         for k, recording in enumerate(islice(recordings, options.repeat), start=1):
             name = "run.csv" if options.repeat == 1 else f"run{k}.csv"
             with filling(folder, (name,)) as scratch:
@@ -78,24 +90,17 @@ def run(options: argparse.Namespace) -> int:
             if recording.trouble:
                 where = f"recorded in {folder / name}"
                 raise InputError(f"{options.robot}: {recording.trouble} ({where})")
-            runs.append({"file": str(folder / name)} | recording.to_dict(plan.throw))
-            lines.append(f"{folder / name}: {recording.summary(plan.throw)}")
+            runs.append({"file": str(folder / name)} | recording.to_dict(plan))
+            lines.append(f"{folder / name}: {recording.summary(plan)}")
             report_step(lines[-1])
     print_result(options, {"scene": plan.throw.scene.name, "runs": runs}, "\n".join(lines))
     return DONE
 
 
-def _refuse_cycle(options: argparse.Namespace) -> None:
-    """InputError for a cycle: the link to the robot opens the gripper once and never closes it."""
-    if is_cycle(options.plan):
-        words = f"`throwplan export {options.plan} --ros DIR` writes it for the robot's controller"
-        raise InputError(f"{options.plan}: is a cycle, must be a plan: {words}")
-
-
 def _rehearse(options: argparse.Namespace, plan: robot.JointMotion, sent: robot.JointMotion) -> int:
     """Send the motion slowly, without an opening."""
     report_step(f"connecting to {options.robot}")
-    question = "The robot moves slowly. Is its way clear, and the hand empty? [y/N] "
+    question = QUESTIONS[plan.picks][1]
     with robot.connected(options.robot) as franka:
         found = robot.rehearse(franka, plan, sent, partial(_confirm, options.yes, question))
     name, duration = plan.throw.scene.name, float(found.times[-1])
@@ -112,12 +117,19 @@ def _rehearse(options: argparse.Namespace, plan: robot.JointMotion, sent: robot.
 def _print_motion(options: argparse.Namespace, sent: robot.JointMotion) -> int:
     """Print the motion; with a robot, check that it is ready."""
     facts = robot.motion_facts(sent)
+    count = f"{len(sent.carries)} picks and throws, " if sent.picks else ""
+    first = ", ".join(f"{angle:.4f}" for angle in facts["start"])
     lines = [
-        f"{sent.throw.scene.name}: {facts['samples']} samples in {facts['duration']:.3f} s to "
-        f"{sent.arm.name}, from q = [{', '.join(f'{angle:.4f}' for angle in facts['start'])}] rad",
-        f"  the gripper's opening command {1e3 * facts['gripper']['command_time']:.1f} ms after "
-        "the first",
+        f"{sent.throw.scene.name}: {count}{facts['samples']} samples in {facts['duration']:.3f} s "
+        f"to {sent.arm.name}, from q = [{first}] rad"
     ]
+    for one in sent.carries:
+        opens = f"opening command {1e3 * one.open.time:.1f} ms after the first"
+        if one.pick:
+            closes = f"command to close {1e3 * one.close.time:.1f} ms"
+            lines.append(f"  {one.pick}: the gripper's {closes}, {opens}")
+        else:
+            lines.append(f"  the gripper's {opens}")
     way = None
     if options.robot is not None:
         with robot.connected(options.robot) as franka:
@@ -161,7 +173,8 @@ def correct(options: argparse.Namespace) -> int:
 
     example: throwplan correct out/fr3/plan.json out/run/run.csv --out out/next
     """
-    _refuse_cycle(options)
+    if is_cycle(options.plan):
+        raise InputError(f"{options.plan}: is a cycle, must be a plan: cycles are not corrected")
     plan = robot.joint_motion(options.plan)
     recording = robot.read_recording(options.recording, plan)
     sent, expected = robot.corrected(plan, recording)
@@ -171,12 +184,12 @@ def correct(options: argparse.Namespace) -> int:
     dx, dtheta = map(abs, expected.miss())
     outside = outside_tolerance(expected.scene.tolerance, dx, dtheta)
     result = {
-        "recorded": recording.to_dict(plan.throw),
+        "recorded": recording.to_dict(plan),
         "expected": {"position": dx, "angle": dtheta},
         "motion": robot.motion_facts(sent),
     }
     text = (
-        f"{plan.throw.scene.name}: {recording.summary(plan.throw)}\n"
+        f"{plan.throw.scene.name}: {recording.summary(plan)}\n"
         f"  the corrected motion: expected landing error {1e3 * dx:.1f} mm and "
         f"{math.degrees(dtheta):.2f} deg, {'outside' if outside else 'within'} the tolerance"
     )

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ...problems import InputError, load_scene
+from ...problems import load_scene
 from .. import robot
 from ..cycle import is_cycle, read_cycle
 from ..planner import Planner
@@ -17,7 +17,6 @@ from ..play import PlayPage, first_plan
 from ..rest import load_mujoco
 from ..result import read_plan
 from ..show import Panel, empty_page, open_browser, run_panel, save_in_space, serving
-from ..throw import TICK
 from .common import (
     DONE,
     Add,
@@ -176,52 +175,30 @@ def export(options: argparse.Namespace) -> int:
 
     example: throwplan export out/cup/plan.json --franka out/franka
     """
-    if is_cycle(options.plan):
-        return _export_cycle(options)
     folders = {"franka": options.franka, "ros": options.ros}
-    with Progress("writing the plan for controllers"):
+    with Progress("writing the motion for controllers"):
         motion = robot.export(
             options.plan, **folders, names=options.joint_names, open_width=options.open_width
         )
-    throw, duration = motion.throw, float(motion.times[-1])
-    result = folders | {
-        "duration": duration,
-        "command_time": throw.command_time,
-        "cycle": motion.cycle,
-        "fraction": motion.fraction,
-    }
-    lines = [
-        f"{throw.scene.name}: {len(motion.times)} samples, {duration:.3f} s; gripper command "
-        f"{throw.command_time:.3f} s after the first"
-    ]
+    duration, opening = float(motion.times[-1]), motion.carries[0].open
+    result = folders | {"duration": duration}
+    opened = [one.open.time for one in motion.carries]
+    words = f"command {opening.time:.3f} s after the first"
+    if motion.picks:
+        closed = [one.close.time for one in motion.carries]
+        result |= {"closing_times": closed, "command_times": opened}
+        words = (
+            f"commands to close at {', '.join(f'{time:.3f}' for time in closed)} s and to open at "
+            f"{', '.join(f'{time:.3f}' for time in opened)} s"
+        )
+    else:
+        result |= {
+            "command_time": opening.time,
+            "cycle": opening.cycle,
+            "fraction": opening.fraction,
+        }
+    name, count = motion.throw.scene.name, len(motion.times)
+    lines = [f"{name}: {count} samples, {duration:.3f} s; gripper {words}"]
     lines += [f"  written to {name}" for name in folders.values() if name]
     print_result(options, result, "\n".join(lines))
-    return DONE
-
-
-def _export_cycle(options: argparse.Namespace) -> int:
-    """Write a cycle for ROS 2."""
-    if options.franka is not None:
-        words = "its program takes one throw; --ros takes a cycle, motion.csv has all joints"
-        raise InputError(f"--franka: not for a cycle: {words}")
-    if options.ros is None:
-        raise InputError("--ros: is missing: give the folder for the cycle's bag")
-    with Progress("writing the cycle for controllers"):
-        cycle = robot.export_cycle(
-            options.plan, ros=options.ros, names=options.joint_names, open_width=options.open_width
-        )
-    samples, opened = len(cycle.samples.q), [step.command_time for step in cycle.steps]
-    closed = [TICK * step.reach for step in cycle.steps]
-    result = {
-        "ros": options.ros,
-        "duration": cycle.duration,
-        "closing_times": closed,
-        "command_times": opened,
-    }
-    text = (
-        f"{cycle.name}: {samples} samples, {cycle.duration:.3f} s; gripper commands to close at "
-        f"{', '.join(f'{time:.3f}' for time in closed)} s and to open at "
-        f"{', '.join(f'{time:.3f}' for time in opened)} s\n  written to {options.ros}"
-    )
-    print_result(options, result, text)
     return DONE

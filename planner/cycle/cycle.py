@@ -77,7 +77,7 @@ class CycleStep(ReadOnly):
         columns = [j - 1 for j in kinematics.throwing_joints]
         own = Samples(*(v[rows][:, columns] for v in (samples.q, samples.dq, samples.ddq)))
         arm = self.manipulator.from_state(State(own.q[0], own.dq[0], own.ddq[0]))
-        sent = braked(arm, own)
+        sent = braked(arm.hard, own)
         return Throw.sent(self.scene, arm, sent.path, sent, self.opening_time - TICK * self.join)
 
 

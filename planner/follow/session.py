@@ -361,7 +361,7 @@ class Session:
 
     def _sent(self, rows: Array, ease: float) -> Throw:
         """What is sent of a motion until the pads are open, and its brake."""
-        samples = braked(self.throw.manipulator, Samples(*rows), ease)
+        samples = braked(self.throw.manipulator.hard, Samples(*rows), ease)
         return dataclasses.replace(self.throw, path=samples.path, samples=samples)
 
     def _violation(self, sent: Throw, found: ExpectedThrow) -> Finding | None:
@@ -383,7 +383,7 @@ class Session:
         throw = self.throw
         old, scene, manipulator = throw.samples, throw.scene, throw.manipulator
         upto = slice(0, first + 1)
-        samples = braked(manipulator, Samples(old.q[upto], old.dq[upto], old.ddq[upto]))
+        samples = braked(manipulator.hard, Samples(old.q[upto], old.dq[upto], old.ddq[upto]))
         judged = held_verdict(scene, manipulator, samples, first)
         if not judged.ok:
             return f"it cannot stop: {judged.broken[0].words}"

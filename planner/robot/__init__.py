@@ -3,21 +3,15 @@
 All read a saved plan or cycle back and check it again, since files can be edited.
 """
 
-from .controller_files import (
-    FRANKA_FILES,
-    JointMotion,
-    export,
-    joint_motion,
-    motion_facts,
-    write_franka,
-)
-from .cycles import CycleReplay, cycle_in_space, export_cycle, replay_cycle
+from .controller_files import FRANKA_FILES, export, motion_facts, write_franka
+from .cycles import CycleReplay, cycle_in_space, replay_cycle
 from .expectations import Expectations
-from .franka import Franka, check_arm, connected
+from .franka import Franka, check_motion, connected
 from .franka_run import approach, rehearse, throws
 from .gripper import GripperLink, GripperState
 from .gripper_delay import GripperDelay, measure_gripper
 from .learning import corrected
+from .motions import JointMotion, joint_motion
 from .mujoco_replay import Replay, replay, throw_to_rest, view
 from .mujoco_throw import ReplayEnd
 from .recording import Recording, read_recording

@@ -1,30 +1,25 @@
-"""A saved plan for robot controllers: read back, checked, as CSV for libfranka or as a rosbag2."""
+"""Plans and cycles for robot controllers: as CSV for libfranka or as a rosbag2."""
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
-from ...models import Array, ReadOnly
-from ...models.robot import Arm, PlanarArm
-from ...problems import InputError, check_arguments, checked, load_arm
+from ...models.robot import Arm
+from ...problems import InputError, check_arguments, checked
 from ...problems.files import filling, write_json
-from ..result import Plan, joint_samples, throw_of, write_table
+from ..cycle import Cycle
+from ..result import Plan, write_table
 from ..throw import TICK, Samples, Throw
-from ..verdict import JOINT_LIMITS, verdict
 from .gripper import OPEN_WIDTH
+from .motions import Carry, GripperCommand, JointMotion, is_franka, joint_motion
 
-#: An instant is on a tick if it is within this distance of it [ticks].
-ON_TICK = 1e-6
 #: Allowed gaps [m] of an opened gripper: a larger number is in millimetres.
 WIDTHS = {"least": 0.001, "most": 0.5, "unit": "m"}
 #: Program for libfranka that throws the files beside it.
@@ -39,112 +34,20 @@ BAG_FILES = ("metadata.yaml", "throw.mcap")
 ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
 
 
-@dataclass(frozen=True)
-class JointMotion(ReadOnly):
-    """A motion to send to an arm: all joints at 1 kHz from rest to rest, and the opening.
-
-    q, dq, ddq (N, joints) at times (N,) [s]; throw: its throw.
-    """
-
-    arm: Arm = field(repr=False)
-    throw: Throw
-    q: Array = field(repr=False)
-    dq: Array = field(repr=False)
-    ddq: Array = field(repr=False)
-
-    @classmethod
-    def of(cls, throw: Throw) -> JointMotion:
-        """The motion that a throw by an arm sends."""
-        kinematics = throw.manipulator.kinematics
-        assert isinstance(kinematics, PlanarArm)
-        values = joint_samples(kinematics, throw.target.plane.azimuth, throw.samples)
-        return cls(kinematics.arm, throw, *values)
-
-    @property
-    def times(self) -> Array:
-        """Sample times (N,) [s]."""
-        return self.throw.samples.times
-
-    @property
-    def cycle(self) -> int:
-        """The last sample at or before the opening command, which is sent in its cycle."""
-        return math.floor(self.throw.command_time / TICK + ON_TICK)
-
-    @property
-    def fraction(self) -> float:
-        """Share of that cycle before the command is due, 0 to 1."""
-        return max(self.throw.command_time / TICK - self.cycle, 0.0)
-
-
-def joint_motion(plan: Plan | Throw | str | Path) -> JointMotion:
-    """The motion of an arm's plan, checked for sending.
-
-    InputError for what `read_plan` refuses, for a hand's plan, and for a motion that does not begin
-    and end at rest, breaks a limit or misses the target: files can be edited.
-    """
-    throw = throw_of(plan)
-    path = plan if isinstance(plan, str | Path) else throw.scene.name
-    if throw.scene.robot is None:
-        raise InputError(f"{path}: the plan's scene has no [robot], so there are no joints to send")
-    motion = JointMotion.of(throw)
-    mistake = next(_mistakes(motion), None)
-    if mistake is not None:
-        raise InputError(f"{path}: not sent, {mistake}")
-    return motion
-
-
-def _mistakes(motion: JointMotion) -> Iterator[str]:
-    """Reasons not to send the motion."""
-    throw, arm, samples = motion.throw, motion.arm, Samples(motion.q, motion.dq, motion.ddq)
-    yield from rest_mistakes(arm, samples)
-    broken = verdict(throw).broken
-    # Joint limits first: uneven samples miss the target, too.
-    yield from (finding.words for finding in broken if finding.code in JOINT_LIMITS.values())
-    yield from rate_mistakes(arm, samples)
-    if throw.command_time < -ON_TICK * TICK:
-        yield f"the opening command would come {-1e3 * throw.command_time:.1f} ms too early"
-    yield from (finding.words for finding in broken)
-
-
-def rest_mistakes(arm: Arm, samples: Samples) -> Iterator[str]:
-    """Ends of a motion of all joints that are not at rest, and a start outside their range."""
-    for where, sample in (("begin", 0), ("end", -1)):
-        rest = (np.abs(samples.dq[sample]) <= 1e-6) & (np.abs(samples.ddq[sample]) <= 1e-3)
-        for j in np.flatnonzero(~rest):
-            yield f"the motion does not {where} at rest: joint {j + 1}"
-    low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
-    for j in np.flatnonzero((samples.q[0] < low) | (samples.q[0] > high)):
-        yield f"joint {j + 1} position: outside its limits"
-
-
-def rate_mistakes(arm: Arm, samples: Samples) -> Iterator[str]:
-    """Positions, rates and accelerations that contradict each other: the mean rate of a tick is off
-    by more than twice the change that the jerk limit allows in it."""
-    pairs = (
-        ("rates", samples.q, samples.dq, TICK / 4),
-        ("accelerations", samples.dq, samples.ddq, 1),
-    )
-    for name, values, rates, part in pairs:
-        off = np.abs(np.diff(values, axis=0) / TICK - (rates[1:] + rates[:-1]) / 2)
-        allowed = part * np.array(arm.limits.jerk) * TICK / 2 + 1e-6
-        for j in np.flatnonzero((off > allowed).any(axis=0)):
-            yield f"joint {j + 1}'s {name} do not fit the samples"
-
-
 @check_arguments
 def export(
-    plan: Plan | Throw | str | Path,
+    plan: Plan | Throw | Cycle | str | Path,
     *,
     franka: str | Path | None = None,
     ros: str | Path | None = None,
     names: Sequence[str] | None = None,
     open_width: float | None = None,
 ) -> JointMotion:
-    """Check an arm's plan again and write it for robot controllers; returns the motion.
+    """Check an arm's plan or a cycle again and write it for robot controllers; returns the motion.
 
-    plan: a plan, a throw, or the path of a plan.json or of its folder. franka, ros: folders for
-    the files of libfranka and of ROS 2 (extra `ros`). names: of the joints in ROS, all of them;
-    open_width [m]: gap of the opened gripper in its ROS command, 0.08 where left out. Raises
+    plan: a plan, a throw, a cycle, or the path of their file or of its folder. franka, ros: folders
+    for the files of libfranka and of ROS 2 (extra `ros`). names: of the joints in ROS, all of them;
+    open_width [m]: gap of the opened gripper in its ROS commands, 0.08 where left out. Raises
     InputError for a plan that must not be sent and for folders that cannot be written.
     """
     if franka is None and ros is None:
@@ -161,27 +64,22 @@ def export(
     if franka is not None and not is_franka(motion.arm):
         words = f"the plan's arm is {motion.arm.name}, must be a Franka; --ros takes any arm"
         raise InputError(f"--franka: {words}")
+    if franka is not None and motion.picks:
+        words = "its program does not watch the gripper: `throwplan run` does, or take --ros"
+        raise InputError(f"--franka: not for a cycle: {words}")
     joints = joint_names(motion.arm, names)
-    opening = GripperCommand(motion.throw.command_time, width)
+    commands = [
+        GripperCommand(command.time, 0.0 if command.force else width, command.force)
+        for command in motion.commands
+    ]
     with ExitStack() as stack:
         if franka is not None:
             folder = filling(Path(franka), FRANKA_FILES, "--franka")
             write_franka(motion, stack.enter_context(folder))
         if ros is not None:
             folder = filling(Path(ros), ROS_FILES, "--ros")
-            samples = Samples(motion.q, motion.dq, motion.ddq)
-            write_ros(stack.enter_context(folder), joints, samples, [opening])
+            write_ros(stack.enter_context(folder), joints, motion.samples, commands)
     return motion
-
-
-def is_franka(arm: Arm) -> bool:
-    """Whether the arm's flange moves as a Franka's does (Panda and FR3 alike)."""
-    its = load_arm("fr3")
-    if arm.joints != its.joints:
-        return False
-    q = ca.SX.sym("q", arm.joints)
-    flanges = ca.Function("flanges", [q], [arm.frames(q)[-2] - its.frames(q)[-2]])
-    return bool(np.abs(np.array(flanges(np.linspace(-1.0, 1.0, arm.joints)))).max() < 1e-3)
 
 
 # Files for libfranka.
@@ -213,16 +111,16 @@ throwplan's README says what is not checked. Not checked: the way to the start p
 def write_franka(motion: JointMotion, folder: Path) -> None:
     """Write `FRANKA_FILES` into `folder`."""
     write_table(folder / "joints.csv", {"t": motion.times, "q": motion.q, "dq": motion.dq})
-    throw = motion.throw
-    row = f"{throw.command_time:.12g},open,{motion.cycle},{motion.fraction:.6f}"
+    throw, opening = motion.throw, motion.carries[0].open
+    row = f"{opening.time:.12g},open,{opening.cycle},{opening.fraction:.6f}"
     (folder / "gripper.csv").write_text(f"t,command,cycle,fraction\n{row}\n", encoding="utf-8")
     write_json(folder / "franka.json", motion_facts(motion))
     words = FRANKA_TEXT.format(
         scene=throw.scene.name,
         arm=motion.arm.description or motion.arm.name,
         start=", ".join(f"{angle:.6f}" for angle in motion.q[0]),
-        command=1e3 * throw.command_time,
-        cycle=motion.cycle,
+        command=1e3 * opening.time,
+        cycle=opening.cycle,
         dwell=1e3 * (throw.opening_time - throw.command_time),
         opening=1e3 * throw.scene.gripper.profile().opening,
         duration=motion.times[-1],
@@ -239,27 +137,35 @@ def _write_programs(folder: Path, names: Sequence[str]) -> None:
 
 
 def motion_facts(motion: JointMotion) -> dict[str, Any]:
-    """Start and times as JSON: SI units, radians."""
-    throw = motion.throw
-    profile = throw.scene.gripper.profile()
+    """Start and times as JSON: SI units, radians; of a cycle the gripper's for each object."""
+    gripper = [_gripper_facts(one) for one in motion.carries]
     return {
-        "scene": throw.scene.name,
+        "scene": motion.throw.scene.name,
         "robot": motion.arm.name,
         "start": motion.q[0].tolist(),
         "end": motion.q[-1].tolist(),
         "duration": float(motion.times[-1]),
         "samples": len(motion.times),
-        "gripper": {
-            "command_time": throw.command_time,
-            "cycle": motion.cycle,
-            "fraction": motion.fraction,
-            "dwell": profile.dwell,
-            "mean_delay": throw.scene.mean_delay,
-            "opening_time": throw.opening_time,
-            "opening": profile.opening,
-            "detach_time": throw.detach_time,
-        },
+        "gripper": gripper if motion.picks else gripper[0],
     }
+
+
+def _gripper_facts(carry: Carry) -> dict[str, Any]:
+    """Times of the gripper for an object, on the motion's clock."""
+    throw, opening, begin = carry.throw, carry.open, TICK * carry.begin
+    profile = throw.scene.gripper.profile()
+    found = {
+        "command_time": opening.time,
+        "cycle": opening.cycle,
+        "fraction": opening.fraction,
+        "dwell": profile.dwell,
+        "mean_delay": throw.scene.mean_delay,
+        "opening_time": begin + throw.opening_time,
+        "opening": profile.opening,
+        "detach_time": begin + throw.detach_time,
+    }
+    picked = {"pick": carry.pick, "close_time": carry.close.time, "width": carry.close.width}
+    return (picked if carry.pick else {}) | found
 
 
 # ROS 2.
@@ -294,16 +200,6 @@ def joint_names(arm: Arm, given: Sequence[str] | None) -> list[str]:
     if len(given) != count or len(set(given)) != count:
         raise InputError(f"--joint-names {' '.join(given)}: must be {count} different names")
     return list(given)
-
-
-@dataclass(frozen=True)
-class GripperCommand:
-    """A command to the gripper: time [s] on the motion's clock, width [m] of the gap, force [N] at
-    most, 0 for any."""
-
-    time: float
-    width: float
-    force: float = 0.0
 
 
 def write_ros(

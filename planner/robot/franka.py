@@ -15,10 +15,12 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, load_arm
+from ..throw import TICK
 from ..workers import check_host
-from .controller_files import is_franka
+from .gripper import FORCES, OPEN_WIDTH, SPEED, GripperLink, GripperState
 from .gripper import PORT as GRIPPER_PORT
-from .gripper import GripperLink, GripperState
+from .motions import JointMotion, is_franka
+from .watch import GRASP_CHECK
 
 #: TCP ports of robot and gripper.
 PORTS = (1337, GRIPPER_PORT)
@@ -149,6 +151,31 @@ def check_arm(where: str | Path, arm: Arm) -> None:
                     f"{where}: {robot}, whose limit of joint {j} {name} is {its:g}; the plan's "
                     f'arm {arm.name} has {mine:g}: plan it with arm = "{ARM}"'
                 )
+
+
+def check_motion(where: str | Path, motion: JointMotion) -> None:
+    """InputError, naming `where`, unless an FR3 can send the motion.
+
+    Besides the arm: the hand can close at a cycle's picks, in time and with that force.
+    """
+    check_arm(where, motion.arm)
+    for carry in motion.carries if motion.picks else ():
+        scene, close = carry.throw.scene, carry.close
+        delay = scene.gripper.profile().dwell + scene.mean_delay
+        way = OPEN_WIDTH - close.width - close.tolerance
+        least = delay + way / SPEED + TICK * GRASP_CHECK
+        given = TICK * (carry.held - carry.reach)
+        if given < least:
+            raise InputError(
+                f"{where}: {carry.pick}: the hand closes at {SPEED:g} m/s at most, and needs "
+                f"{least:.2f} s until it holds the object; the arm waits {given:.2f} s: plan it "
+                "with a longer grasp_time"
+            )
+        if close.force > FORCES[1]:
+            raise InputError(
+                f"{where}: {carry.pick}: the grip force is {close.force:g} N, a Franka Hand has "
+                f"{FORCES[1]:g} N at most: plan it with a smaller [gripper] force"
+            )
 
 
 def _check_flange(host: str, arm: Arm, state: Any) -> None:

@@ -11,24 +11,20 @@ import numpy as np
 
 from ...models import Array, Trajectory
 from ...models.robot import Arm
-from ...problems import InputError, ThrowPlane
-from ..clearance import BAR, CollisionScene
+from ...problems import InputError
+from ..clearance import BAR
 from ..throw import TICK, Samples, joint_limits, within_limits
 from ..verdict import Code, Finding, collision
-from .controller_files import JointMotion
 from .expectations import Expectations, swept_bodies
 from .franka import STILL, Franka
-from .gripper import MOVED, SPEED, GripperLink, GripperState
+from .gripper import FORCES, GRASP_TOLERANCE, MOVED, OPEN_WIDTH, SPEED, GripperLink, GripperState
 from .learning import corrected
+from .motions import JointMotion
 from .recording import Recording
-from .watch import Stop, Watch
+from .watch import Stop, Watch, find_stops
 
 #: Time [s] in which the gripper ends a motion.
 GRIPPER_ENDS = 10.0
-#: Grip force [N] with which it closes: the Franka Hand's largest continuous one, by its data sheet.
-GRIP_FORCE = 70.0
-#: Allowed difference [m] of the grasped width from the first one, smaller and larger.
-GRASP_TOLERANCE = 0.005
 #: Speed [m/s] of the fastest end of the capsules of arm, hand and held bar in a rehearsal: reduced
 #: speed, ISO 10218-1.
 REHEARSAL_SPEED = 0.25
@@ -39,29 +35,43 @@ def throws(
 ) -> Iterator[Recording]:
     """Throw repeatedly: first `sent`, then each time the motion corrected by the last recording.
 
-    ask: called with what comes next before anything moves; its exceptions stop the throws. They
-    end after a throw with trouble.
+    A cycle's motion is sent once. ask: called with what comes next before anything moves; its
+    exceptions stop the throws. They end after a throw with trouble.
     """
-    grasp: GripperState | None = None
+    ready: GripperState | None = None
     while True:
         start, gripper = franka.check(plan.arm)
-        if grasp is None and gripper.width > gripper.max_width - MOVED:
-            raise InputError(f"{franka.host}: its gripper is open: let it grasp the object")
-        grasp, way = grasp or gripper, approach(sent, start)
-        ask(
-            f"{_approach_words(franka, sent, start)}, then the throw in {sent.times[-1]:.2f} s; "
-            f"the gripper {_closes(gripper, grasp)}\n{Expectations(sent, way).words}\n"
-            "  Python sends it, and misses cycles on a busy machine: for throws in earnest take "
-            "the C++ program of export --franka"
+        ready, way = ready or _ready_state(franka, sent, gripper), approach(sent, start)
+        stops = find_stops(sent)
+        what = f"{len(sent.carries)} picks and throws" if sent.picks else "the throw"
+        words = (
+            f"{_approach_words(franka, sent, start)}, then {what} in {sent.times[-1]:.2f} s; "
+            f"the gripper {_changes(gripper, ready)}\n{Expectations(sent, way).words}\n"
+            "  Python sends it, and misses cycles on a busy machine"
         )
+        if not sent.picks:
+            words += ": for throws in earnest take the C++ program of export --franka"
+        ask(words)
         # The object may have been lost while a person answered.
-        if not _equal(franka.gripper.state(), grasp):
-            _close_again(franka.gripper, grasp)
-        recording = play(franka, sent, way)
+        if not _equal(franka.gripper.state(), ready):
+            _restore(franka.gripper, ready)
+        recording = play(franka, sent, way, stops)
         yield recording
-        if recording.trouble:
+        if recording.trouble or sent.picks:
             return
         sent, _ = corrected(plan, recording)
+
+
+def _ready_state(franka: Franka, motion: JointMotion, now: GripperState) -> GripperState:
+    """The gripper before a motion: around the object, or open for the first pick; InputError if it
+    is not, or holds something else."""
+    if motion.picks:
+        if now.holds:
+            raise InputError(f"{franka.host}: the gripper holds an object: take it out")
+        return GripperState(min(OPEN_WIDTH, now.max_width), now.max_width, holds=False)
+    if now.width > now.max_width - MOVED:
+        raise InputError(f"{franka.host}: its gripper is open: let it grasp the object")
+    return now
 
 
 def rehearse(
@@ -91,7 +101,7 @@ def rehearse(
 def _slowed(motion: JointMotion, q: Array) -> Array:
     """Joints q (N, joints) [rad] every millisecond, with times stretched to `REHEARSAL_SPEED`."""
     times = np.arange(len(q)) * np.float64(TICK)
-    ends = swept_bodies(motion, q, times).ends
+    ends = swept_bodies(motion.carries[0], q, times).ends
     fastest = np.linalg.norm(np.diff(ends, axis=3), axis=2).max(initial=0.0) / TICK
     stretch = max(float(fastest) / REHEARSAL_SPEED, 1.0)
     if stretch == 1.0:
@@ -100,18 +110,20 @@ def _slowed(motion: JointMotion, q: Array) -> Array:
     return Trajectory.through(times, q).at(np.minimum(slow, times[-1])).pose.T
 
 
-def play(franka: Franka, motion: JointMotion, way: Array) -> Recording:
+def play(franka: Franka, motion: JointMotion, way: Array, stops: list[Stop]) -> Recording:
     """Move along `way` (N, joints) [rad] to the motion's start; throw; record.
 
-    If the object is lost, or the gripper's connection fails, before the opening command, the arm
-    brakes at once, and the gripper gets no command. A gripper that does not open needs no other
-    motion: after the opening it is the brake. All are the recording's `trouble`. InputError for
-    errors of the controller, and if the arm does not come to rest at the goal.
+    stops: of the motion, from `find_stops`.
+
+    If an object is not grasped or lost, or the gripper's connection fails, before the last opening
+    command, the arm brakes at once, and the gripper gets no further command. A gripper that does
+    not open at the end needs no other motion: after the opening it is the brake. All are the
+    recording's `trouble`. InputError for errors of the controller, and if the arm does not come to
+    rest at the goal.
     """
-    watch = Watch(franka.gripper, franka.gripper.state(), motion)
+    watch = Watch(franka.gripper, franka.gripper.state(), motion, stops)
     recording = _send(franka, way, motion.q, watch)
-    trouble, ordered = watch.trouble or watch.unopened(), watch.command_time + franka.gripper.late
-    return dataclasses.replace(recording, trouble=trouble, command_time=ordered)
+    return dataclasses.replace(recording, trouble=watch.trouble or watch.unopened())
 
 
 def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
@@ -144,7 +156,7 @@ def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
         np.array([state.dq for _, state in seen]),
         sent[rows],
         np.array([width for _, width in watch.widths])[known],
-        watch.command_time,
+        watch.command_times,
     )
 
 
@@ -157,29 +169,35 @@ def _approach_words(franka: Franka, motion: JointMotion, start: Array) -> str:
     )
 
 
-def _closes(now: GripperState, grasp: GripperState) -> str:
-    """The gripper's action before the throw, in words."""
-    what = "an object" if grasp.holds else "nothing"
-    if _equal(now, grasp):
+def _changes(now: GripperState, ready: GripperState) -> str:
+    """The gripper's action before the motion, in words."""
+    what = "an object" if ready.holds else "nothing"
+    if _equal(now, ready):
         return f"is {1e3 * now.width:.0f} mm open and holds {what}"
-    return f"closes to {1e3 * grasp.width:.0f} mm again, on {what}"
+    if ready.width > now.width:
+        return f"opens to {1e3 * ready.width:.0f} mm before"
+    return f"closes to {1e3 * ready.width:.0f} mm again, on {what}"
 
 
 def _equal(one: GripperState, other: GripperState) -> bool:
     return one.holds == other.holds and abs(one.width - other.width) < MOVED
 
 
-def _close_again(gripper: GripperLink, grasp: GripperState) -> None:
-    """Close the gripper as before the first throw; InputError if it lacks the object."""
-    if grasp.holds:
+def _restore(gripper: GripperLink, ready: GripperState) -> None:
+    """Move the gripper as before the first motion; InputError if it lacks the object."""
+    if ready.holds:
         tolerances = GRASP_TOLERANCE, GRASP_TOLERANCE
-        gripper.order("grasp", grasp.width, *tolerances, SPEED, GRIP_FORCE)
+        gripper.order("grasp", ready.width, *tolerances, SPEED, FORCES[0])
     else:
-        gripper.order("move", grasp.width, SPEED)
+        gripper.order("move", ready.width, SPEED)
     result = gripper.result(GRIPPER_ENDS) or "does not end"
-    if not _equal(gripper.state(), grasp):
-        what = "its gripper holds nothing" if grasp.holds else f"closing it {result}"
-        raise InputError(f"{gripper.host}: {what}: put the object between the pads")
+    now = gripper.state()
+    if _equal(now, ready):
+        return
+    if ready.width > now.width + MOVED and not ready.holds:
+        raise InputError(f"{gripper.host}: opening its gripper {result}: see Desk for its state")
+    what = "its gripper holds nothing" if ready.holds else f"closing it {result}"
+    raise InputError(f"{gripper.host}: {what}: put the object between the pads")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -216,8 +234,8 @@ class _Stream:
             seen.append((elapsed, state))
             stop = cycle(elapsed)
             if stop is not None:
-                q = stop.q
-                commands = commands[: stop.sample] + self.commands(q[stop.sample :])
+                q = np.vstack([q[: stop.sample + 1], stop.q])
+                commands = commands[: stop.sample + 1] + self.commands(stop.q)
             elif sample == last:
                 still = still + 1 if max(map(abs, state.dq)) < STILL else 0
                 away = np.abs(np.array(state.q) - q[-1])
@@ -291,19 +309,13 @@ def _straight(arm: Arm, start: Array, goal: Array) -> Array:
 
 def _collision(motion: JointMotion, q: Array) -> str:
     """The first collision on a way (N, joints) to the start pose, in words; empty without one."""
-    scene, capsules = motion.throw.scene, motion.throw.manipulator.capsules
-    if capsules is None:
+    carry, scene = motion.carries[0], motion.throw.scene
+    if motion.throw.manipulator.capsules is None:
         return ""
-    # The first link turns about its own axis; the flange turns with the hand.
-    moved = (min(number, motion.arm.joints) - 1 for number in capsules.number)
-    obstacles = dataclasses.replace(
-        CollisionScene.of(scene, motion.throw.manipulator, ThrowPlane(0.0, 0.0)),
-        arm=dataclasses.replace(capsules, moved_by=tuple(joint or -1 for joint in moved)),
-    )
     # The core also measures the motion between these samples.
     places = np.unique(np.append(np.arange(0, len(q), 10), len(q) - 1))
-    track = swept_bodies(motion, q[places], TICK * places)
-    for found in obstacles.clearances(track):
+    track = swept_bodies(carry, q[places], TICK * places, held=not motion.picks)
+    for found in carry.space.around.clearances(track):
         return collision(found).words
     floor = None if scene.workspace is None else scene.workspace.floor
     if floor is None:
@@ -311,4 +323,5 @@ def _collision(motion: JointMotion, q: Array) -> str:
     clearance = track.ends[-1, :, 2].min(axis=0) - track.radius[-1] - floor
     # At the start of a throw the capsule around the bar may be below the floor.
     lowest = (clearance - min(clearance[-1], 0.0)).min()
-    return "" if lowest >= -1e-6 else Finding(Code.FLOOR, floor + lowest, floor, body=BAR).words
+    body = "arm" if motion.picks else BAR
+    return "" if lowest >= -1e-6 else Finding(Code.FLOOR, floor + lowest, floor, body=body).words

@@ -32,6 +32,10 @@ OPEN_WIDTH = 0.08
 PATIENCE = 20.0
 #: Change of the width [m] that counts as motion, above its noise.
 MOVED = 2e-3
+#: Largest grip force [N] of the Franka Hand for long, and at most, by its data sheet.
+FORCES = 70.0, 140.0
+#: Allowed difference [m] of a grasped width from the expected one, smaller and larger.
+GRASP_TOLERANCE = 0.005
 #: Numbers of the commands, and the layout of their arguments: all float64.
 COMMANDS = {"connect": 0, "grasp": 2, "move": 3}
 #: Command, its number, length of the message with this header.

@@ -25,8 +25,8 @@ from ..follow import Response
 from ..planner import Planner
 from ..throw import TICK, Samples, Throw
 from ..verdict import Code, Finding, Verdict, verdict
-from .controller_files import JointMotion
 from .learning_limits import LIMITS, Constraint, SplineMotion, constraints_of
+from .motions import JointMotion
 from .recording import CUTOFF, Recording, interpolated
 
 

@@ -21,7 +21,7 @@ from ..result import write_table
 from ..simulation import planar_joints
 from ..throw import TICK, Throw
 from ..verdict import Code, Finding, outside_tolerance, verdict
-from .controller_files import JointMotion
+from .motions import JointMotion
 
 #: Cut-off [Hz] of the low-pass on the residuals of the fitted response.
 CUTOFF = 60.0
@@ -35,8 +35,8 @@ class Recording(ReadOnly):
 
     times (N,) [s] of the robot's clock, 0 where the first sample went out; q, dq [rad, rad/s]
     measured and sent [rad] commanded, each (N, joints); width (N,) [m] of the gripper as it was
-    last known; command_time [s]: when the opening command went out, NaN if it did not; trouble:
-    what went wrong, in words, empty if nothing did.
+    last known; command_times [s]: when opening commands went out, of a plan one, none if it did
+    not; trouble: what went wrong, in words, empty if nothing did.
     """
 
     times: Array
@@ -44,8 +44,13 @@ class Recording(ReadOnly):
     dq: Array
     sent: Array
     width: Array
-    command_time: float
+    command_times: tuple[float, ...]
     trouble: str = ""
+
+    @property
+    def command_time(self) -> float:
+        """Time [s] of the first opening command; NaN without one."""
+        return self.command_times[0] if self.command_times else math.nan
 
     def opening_time(self, scene: Scene) -> float:
         """Time [s] at which the grip force starts to fall."""
@@ -103,15 +108,27 @@ class Recording(ReadOnly):
         measured = interpolated(even, self.times, q)
         return even, measured, interpolated(even, self.times, self.sent[:, joints])
 
-    def to_dict(self, plan: Throw) -> dict[str, Any]:
-        """The throw of the measured motion as JSON: SI units, radians.
+    def to_dict(self, motion: JointMotion) -> dict[str, Any]:
+        """The recording as JSON, of a plan with its throw: SI units, radians.
+
+        lag [rad]: largest difference of a joint to its command; width [m]: of the gripper, before
+        and after; command_times [s]: of a cycle's openings.
+        """
+        lag, ends = np.abs(self.q - self.sent).max(), self.width[[0, -1]].tolist()
+        found: dict[str, Any] = {"lag": float(lag), "width": ends}
+        if motion.picks:
+            picks = [carry.pick for carry in motion.carries[: len(self.command_times)]]
+            return found | {"thrown": picks, "command_times": list(self.command_times)}
+        return found | self._throw_entries(motion.throw)
+
+    def _throw_entries(self, plan: Throw) -> dict[str, Any]:
+        """The throw of the measured motion as JSON.
 
         landing in the base frame; error.position is the distance from the target at its height,
-        also across the throw's plane. Both are None if the object never lands. lag [rad]: largest
-        difference of a joint to its command; width [m]: of the gripper, before and after.
+        also across the throw's plane. Both are None if the object never lands.
         """
-        throw, target, lag = self.throw(plan), plan.target, np.abs(self.q - self.sent).max()
-        found: dict[str, Any] = {"landing": None, "error": None, "lag": float(lag)}
+        throw, target = self.throw(plan), plan.target
+        found: dict[str, Any] = {"landing": None, "error": None}
         if throw.lands:
             arm, (x, z, theta) = plan.scene.arm, throw.landing.pose
             assert arm is not None
@@ -125,8 +142,7 @@ class Recording(ReadOnly):
         findings = self._findings(throw, plan, found["error"])
         found["succeeds"] = not findings
         found["findings"] = [finding.to_dict() for finding in findings]
-        found["command_time"] = self.command_time
-        return found | {"width": [float(self.width[0]), float(self.width[-1])]}
+        return found | {"command_time": self.command_time}
 
     def _findings(
         self, throw: Throw, plan: Throw, error: dict[str, float] | None
@@ -144,9 +160,12 @@ class Recording(ReadOnly):
         off = outside_tolerance(plan.scene.tolerance, error["position"], error["angle"])
         return (*off, *judged.broken)
 
-    def summary(self, plan: Throw) -> str:
+    def summary(self, motion: JointMotion) -> str:
         """`to_dict` as a line for people."""
-        found = self.to_dict(plan)
+        found = self.to_dict(motion)
+        lag = f"joints lag by {found['lag']:.3f} rad"
+        if motion.picks:
+            return f"{len(found['thrown'])} objects thrown in {self.times[-1]:.2f} s; {lag}"
         words = "does not come down to the target's height"
         if found["landing"] is not None:
             landing, error = found["landing"], found["error"]
@@ -155,17 +174,17 @@ class Recording(ReadOnly):
                 f"{math.degrees(landing['theta']):.1f} deg: {1e3 * error['position']:.1f} mm and "
                 f"{math.degrees(error['angle']):.2f} deg off the target"
             )
-        aim = "within the tolerance" if plan.scene.cup is None else "into the cup"
+        aim = "within the tolerance" if motion.throw.scene.cup is None else "into the cup"
         if not found["succeeds"]:
             aim = "; ".join(finding["words"] for finding in found["findings"])
-        return (
-            f"by the measured motion the throw {words}; {aim}; joints lag by {found['lag']:.3f} rad"
-        )
+        return f"by the measured motion the throw {words}; {aim}; {lag}"
 
     def save(self, path: Path) -> None:
         """Write run.csv."""
         columns = {"t": self.times, "q": self.q, "dq": self.dq, "sent": self.sent}
-        columns |= {"width": self.width, "since_command": self.times - self.command_time}
+        commands = np.array(self.command_times or (math.nan,))
+        last = np.maximum(np.searchsorted(commands, self.times, "right") - 1, 0)
+        columns |= {"width": self.width, "since_command": self.times - commands[last]}
         write_table(path, columns)
 
 
@@ -187,7 +206,7 @@ def read_recording(path: str | Path, motion: JointMotion) -> Recording:
         raise InputError(f"{path}: t rises by {step:.3g} s a row, must rise by {TICK:g} s mostly")
     q, dq, sent = np.split(rows[:, 1:-2], 3, axis=1)
     command = float(rows[0, 0] - rows[0, -1])
-    recording = Recording(rows[:, 0], q, dq, sent, rows[:, -2], command)
+    recording = Recording(rows[:, 0], q, dq, sent, rows[:, -2], (command,))
     try:
         recording.throw(motion.throw)
     except InputError as error:

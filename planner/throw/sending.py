@@ -73,7 +73,7 @@ def send(manipulator: Manipulator, planned: Trajectory) -> Samples:
     found = _sent_as_planned(manipulator, planned)
     if found is not None:
         return found
-    return braked(manipulator, _followed(manipulator, planned))
+    return braked(manipulator.hard, _followed(manipulator, planned))
 
 
 def _sent_as_planned(manipulator: Manipulator, planned: Trajectory) -> Samples | None:
@@ -92,18 +92,18 @@ def _sent_as_planned(manipulator: Manipulator, planned: Trajectory) -> Samples |
     return Samples.known(sent, TICK * np.arange(pieces + 1.0), given, kinks[:corners])
 
 
-def braked(manipulator: Manipulator, samples: Samples, ease: float = 1.0) -> Samples:
-    """An arm's samples, and after the last of them its brake to rest.
+def braked(limits: Limits, samples: Samples, ease: float = 1.0) -> Samples:
+    """An arm's samples, and after the last of them its brake to rest within limits of its joints.
 
     ease: share of the acceleration limit that the brake uses.
     """
     given, rows = len(samples.q), (samples.q, samples.dq, samples.ddq)
-    limits = replace(manipulator.hard, ddq=ease * manipulator.hard.ddq).core
+    core = replace(limits, ddq=ease * limits.ddq).core
     # The first call has no room for the brake and returns the number of samples with it.
-    count = library().brake(limits, given, SamplesC.of(TICK, *rows))
-    found = np.empty((3, count, manipulator.size))
+    count = library().brake(core, given, SamplesC.of(TICK, *rows))
+    found = np.empty((3, count, samples.q.shape[1]))
     found[:, :given] = rows
-    library().brake(limits, given, SamplesC.of(TICK, *found))
+    library().brake(core, given, SamplesC.of(TICK, *found))
     return Samples(*found)
 
 

@@ -39,27 +39,8 @@ def pinch_of(space: SpatialScene, pads: PadMotion) -> PinchUse:
     axes = pads.pose[:, :3, :3]
     normal, along = space.plane_side * axes[:, :, 1], axes[:, :, 2]
     hand = np.stack([along, np.cross(normal, along), normal])
-    force, torque = (np.einsum("rnk,nk->rn", hand, part) for part in object_wrench(space, pads))
+    force, torque = (np.einsum("rnk,nk->rn", hand, part) for part in space.object_wrench(pads))
     return pinch_use(space.scene.patch, force, torque, space.scene.gripper.profile().full)
-
-
-def object_wrench(space: SpatialScene, pads: PadMotion) -> tuple[Array, Array]:
-    """Force [N] and torque about the pads' centre [N m], (N, 3), that the hand gives to the object.
-
-    In the base frame. [object] inertia is that about the pads' normal; about the axis across both
-    a bar has the same, and about its own mass width^2 / 6, as a uniform one of square section.
-    """
-    scene, axes = space.scene, pads.pose[:, :3, :3]
-    thrown, r = scene.object, axes @ space.com_in_hand
-    swing = np.cross(pads.omega, r)
-    a = pads.acceleration + np.cross(pads.alpha, r) + np.cross(pads.omega, swing)
-    force = thrown.mass * (a + np.array([0.0, 0.0, scene.gravity]))
-    own, u = min(thrown.mass * thrown.width**2 / 6, 2 * thrown.inertia), axes @ space.axis_in_hand
-    spins = [
-        thrown.inertia * w + (own - thrown.inertia) * (w * u).sum(axis=1)[:, None] * u
-        for w in (pads.omega, pads.alpha)
-    ]
-    return force, np.cross(r, force) + spins[1] + np.cross(pads.omega, spins[0])
 
 
 def grip_findings(space: SpatialScene, pads: PadMotion, times: Array) -> Iterator[Finding]:

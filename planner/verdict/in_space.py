@@ -14,7 +14,7 @@ from ...models import Array
 from ...models.robot import PadMotion, segment_distance
 from ..clearance import BAR, SpatialScene, bar_ends, bar_radii
 from ..throw import TICK, Samples, Throw, arm_excesses
-from .carry import grip_findings, object_wrench
+from .carry import grip_findings
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .single import FLYING, NEAR, collision
 
@@ -24,12 +24,15 @@ PLACES = 10
 COARSE = 8
 
 
-def motion_verdict(space: SpatialScene, samples: Samples, *, held: bool) -> Verdict:
+def motion_verdict(
+    space: SpatialScene, samples: Samples, *, held: bool, loads: bool = True
+) -> Verdict:
     """All limits that a motion of all joints breaks.
 
-    samples: of all joints, (N, joints); held: whether the hand holds the object all the time.
+    samples: of all joints, (N, joints); held: whether the hand holds the object all the time;
+    loads: whether grip, torques and tool speed are judged, too, which an emergency stop may exceed.
     """
-    return Verdict(tuple(_findings(space, samples, held, 1)))
+    return Verdict(tuple(_findings(space, samples, held, 1, loads)))
 
 
 def first_finding(space: SpatialScene, samples: Samples, *, held: bool) -> Finding | None:
@@ -41,13 +44,15 @@ def first_finding(space: SpatialScene, samples: Samples, *, held: bool) -> Findi
     return next(_findings(space, samples, held, 1), None) if coarse is None else coarse
 
 
-def _findings(space: SpatialScene, samples: Samples, held: bool, step: int) -> Iterator[Finding]:
+def _findings(
+    space: SpatialScene, samples: Samples, held: bool, step: int, loads: bool = True
+) -> Iterator[Finding]:
     """Broken limits, by every `step`-th sample and the last; those of the joints by all only."""
     count = len(samples.q)
     rows = np.unique(np.append(np.arange(0, count, step), count - 1))
     states = samples.q[rows], samples.dq[rows], samples.ddq[rows]
     motion = _SpatialMotion(space, TICK * rows, *states, space.spatial.pads(*states), held)
-    for rule in (_tool_speed, _grip, _low, _column, _torque):
+    for rule in (_tool_speed, _grip, _low, _column, _torque) if loads else (_low, _column):
         yield from rule(motion)
     for e in arm_excesses(space.kinematics.arm, samples) if step == 1 else ():
         yield Finding(JOINT_LIMITS[e.kind], e.value, e.limit, e.time, e.joint)
@@ -93,7 +98,7 @@ def _torque(motion: _SpatialMotion) -> Iterator[Finding]:
         limits[throwing] = section.of(arm, motion.space.kinematics.throwing_joints)
     load = np.zeros((len(motion.q), 6))
     if motion.held:
-        load = np.hstack(object_wrench(motion.space, motion.pads))
+        load = np.hstack(motion.space.object_wrench(motion.pads))
     states = motion.q, motion.dq, motion.ddq
     torques = motion.space.spatial.torques(*states, scene.gravity, load)
     for j, use in enumerate((np.abs(torques) / limits).T, start=1):

@@ -364,10 +364,11 @@ def test_what_does_not_take_a_cycle_says_so(cycled, tmp_path, refused, untouched
     untouched()
     said = refused("export", cycled, "--franka", tmp_path / "franka")
     assert "--franka: not for a cycle" in said and "--ros" in said
-    assert "--ros: is missing" in refused("export", cycled)
-    for words in (("run", cycled, "--dry"), ("correct", cycled / "cycle.json", "run.csv")):
-        said = refused(*words)
-        assert "is a cycle, must be a plan" in said and "throwplan export" in said
+    assert "give --franka DIR, --ros DIR or both" in refused("export", cycled)
+    said = refused("correct", cycled / "cycle.json", "run.csv")
+    assert "is a cycle, must be a plan" in said
+    for words in (("--repeat", 2), ("--after", "run.csv")):
+        assert "not with a cycle" in refused("run --dry", cycled, *words)
 
 
 def test_an_edited_cycle_is_not_sent(cycled, tmp_path, refused) -> None:

@@ -4,6 +4,7 @@ judged by franka-sim's rules of the controller. `make verify` installs both."""
 from __future__ import annotations
 
 import importlib
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ from throwplan.problems.arms import load_gripper
 
 HOST = "127.0.19.1"
 #: Addresses of relays in front of it.
-SLOW, DEAF = "127.0.19.2", "127.0.19.3"
+SLOW, DEAF, HANDY = "127.0.19.2", "127.0.19.3", "127.0.19.4"
 
 
 @pytest.fixture(scope="module")
@@ -122,8 +123,10 @@ def test_a_set_delay_is_found_behind_a_relay(robot, tmp_path, run) -> None:
 
 
 @pytest.mark.slow
-def test_a_rehearsal_opens_nothing(robot, saved, run) -> None:
-    said = run("run --yes --json --rehearse", saved("fr3"), "--robot", robot)
+@pytest.mark.parametrize("cycle", [False, True])
+def test_a_rehearsal_opens_nothing(robot, saved, cycled, run, cycle) -> None:
+    folder = cycled if cycle else saved("fr3")
+    said = run("run --yes --json --rehearse", folder, "--robot", robot)
     assert said.status == 0 and "times as slow" in said.err
     before, after = said.json["width"]
     assert after == pytest.approx(before, abs=1e-3)
@@ -147,6 +150,62 @@ def test_a_gripper_that_does_not_open_ends_in_a_stop(robot, saved, tmp_path, run
     assert max(abs(rows[f"dq{j}"][-1]) for j in range(1, 8)) < 0.02
     assert sent[-1] == pytest.approx(joint_motion(plan).q[-1], abs=1e-9)
     assert refusals(joint_motion(plan).q) == []
+
+
+@pytest.fixture(scope="module")
+def six(tmp_path_factory) -> Path:
+    """The folder of the shipped cycle by an FR3, whose hand has the time to close."""
+    folder = tmp_path_factory.mktemp("six")
+    text = (Path(tp.__file__).parent / "problems" / "jobs" / "six-parts.toml").read_text("utf-8")
+    text = text.replace('"cup"', '"fr3"').replace("grasp_time = 0.3", "")
+    (folder / "jobs.toml").write_text(text.replace("[[pick]]", "[[pick]]\ngrasp_time = 0.5"))
+    tp.save_cycle(tp.plan_cycle(tp.load_jobs(folder / "jobs.toml")), folder / "out")
+    return folder / "out"
+
+
+@pytest.mark.slow
+def test_a_robot_picks_and_throws_six_parts(robot, six, tmp_path, run, table) -> None:
+    with relayed(HANDY, robot, "hand", 6, 0, 0):
+        said = run("run --yes --json", six, "--robot", HANDY, "--out", tmp_path / "out")
+    assert said.status == 0, said.err
+    assert "6 picks and throws in" in said.err
+    (found,) = said.json["runs"]
+    steps = json.loads((six / "cycle.json").read_text())["steps"]
+    commands = [step["command_time"] for step in steps]
+    assert found["command_times"] == pytest.approx(commands, abs=0.02)
+    rows, motion = table(tmp_path / "out" / "run.csv"), joint_motion(six)
+    # It held each object until its throw, and was open at the next pick.
+    for step in steps:
+        held = (rows["t"] > step["held_time"]) & (rows["t"] < step["command_time"])
+        assert rows["width"][held] == pytest.approx(0.02, abs=1e-6)
+        before = rows["t"] <= step["reach_time"]
+        assert rows["width"][before][-1] == pytest.approx(0.08, abs=1e-3)
+    sent = np.array([rows[f"sent{j}"] for j in range(1, 8)]).T
+    assert np.abs(sent[-1] - motion.q[-1]).max() < 1e-9
+    assert refusals(motion.q) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hand", "words"),
+    [
+        ((2, 0, 0), "(pick 3 of 6) was not grasped"),
+        # On a busy machine the simulated arm is late: it may still be at the pick.
+        ((6, 4, 0.5), "(pick 4 of 6) was "),
+    ],
+)
+def test_a_part_that_is_missing_or_lost_stops_a_robot(
+    robot, six, tmp_path, run, table, hand, words
+) -> None:
+    with relayed(HANDY, robot, "hand", *hand):
+        said = run("run --yes", six, "--robot", HANDY, "--out", tmp_path / "out")
+    assert said.status == 2 and words in said.err.splitlines()[-1]
+    rows = table(tmp_path / "out" / "run.csv")
+    assert rows["t"][-1] < 0.8 * joint_motion(six).times[-1]
+    assert max(abs(rows[f"dq{j}"][-1]) for j in range(1, 8)) < 0.02
+    # The controller takes what was sent, each row once.
+    sent = np.array([rows[f"sent{j}"] for j in range(1, 8)]).T
+    assert np.diff(rows["t"]).max() > 1.5e-3 or refusals(sent) == []
 
 
 def refusals(q: np.ndarray) -> list[str]:

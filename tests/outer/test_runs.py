@@ -50,18 +50,18 @@ def lagging(motion: JointMotion, still: float = 0.5, spring: float = 4500.0) -> 
     q = sent[0] + lfilter(numerator.ravel(), denominator, sent - sent[0], axis=0)
     times = TICK * np.arange(len(sent))
     dq = np.gradient(q, TICK, axis=0)
-    return Recording(times, q, dq, sent, 0.04 + 0 * times, motion.throw.command_time)
+    return Recording(times, q, dq, sent, 0.04 + 0 * times, (motion.throw.command_time,))
 
 
 def errors(recording: Recording, motion: JointMotion) -> np.ndarray:
     """Landing off the target: [m], [rad]."""
-    error = recording.to_dict(motion.throw)["error"]
+    error = recording.to_dict(motion)["error"]
     return np.array([error["position"], error["angle"]])
 
 
 def test_a_motion_that_is_followed_lands_as_planned(plan) -> None:
     motion = joint_motion(plan)
-    still, command = 0 * motion.times, motion.throw.command_time
+    still, command = 0 * motion.times, (motion.throw.command_time,)
     recording = Recording(motion.times, motion.q, motion.dq, motion.q, still, command)
     assert (errors(recording, motion) < [1e-4, math.radians(0.05)]).all()
 
@@ -75,7 +75,8 @@ def test_a_measured_throw_may_use_up_the_clearances_of_its_plan(plan, rest) -> N
     assert verdict(roomy).broken and not verdict(throw).broken
     times = TICK * np.arange(len(motion.q) + rest)
     q, dq = (np.pad(values, ((0, rest), (0, 0)), "edge") for values in (motion.q, motion.dq))
-    seen = Recording(times, q, dq, q, 0 * times, throw.command_time).to_dict(roomy)
+    recording = Recording(times, q, dq, q, 0 * times, (throw.command_time,))
+    seen = recording.to_dict(JointMotion.of(roomy))
     assert seen["succeeds"] and not seen["findings"]
 
 
@@ -178,7 +179,7 @@ def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
 
     def among(*obstacles: Obstacle) -> JointMotion:
         scene = motion.throw.scene.replace(obstacle=obstacles)
-        return dataclasses.replace(motion, throw=dataclasses.replace(motion.throw, scene=scene))
+        return JointMotion.of(dataclasses.replace(motion.throw, scene=scene))
 
     # On the way of the flange, and far from it.
     q = ca.SX.sym("q", 7)
