@@ -332,7 +332,13 @@ def wrong_for(valid: object) -> st.SearchStrategy[object]:
     other = texts | tables | st.booleans() | not_finite
     if isinstance(valid, list):
         return other | numbers | other.map(lambda item: [item, *valid[1:]])
-    return other | st.lists(numbers | other, max_size=3)
+    # Two numbers are a range, which some keys take.
+    lists = st.lists(numbers | other, max_size=3)
+    return other | lists.filter(lambda row: len(row) != 2 or not all(map(_is_number, row)))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def test_the_rich_scenes_are_right(tmp_path) -> None:
