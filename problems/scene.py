@@ -10,7 +10,6 @@ import functools
 import inspect
 import math
 import textwrap
-import typing
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,8 @@ from .uncertainty import Robust, Uncertainty
 GRID = 21
 #: Sections for the motion of the hand; a scene has exactly one of them.
 MOVERS = ("hand", "robot", "motion")
+#: Bounds of a scene without [workspace].
+UNBOUNDED = Workspace()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,12 +97,9 @@ class Scene(Section):
 
     def __repr__(self) -> str:
         """One line; `table` has all values."""
-        bar, target = self.object, self.target
+        bar, target = self.object, "" if self.target is None else f", to {self.target.words}"
         manipulator = "hand" if self.hand else self.arm.name if self.arm else "given motion"
-        words = f"Scene({self.name}: {manipulator}, {bar.mass:g} kg bar of {bar.length:g} m"
-        if target is not None:
-            words += f", to {target.words}"
-        return f"{words})"
+        return f"Scene({self.name}: {manipulator}, {bar.mass:g} kg bar of {bar.length:g} m{target})"
 
     @property
     def weights(self) -> Cost:
@@ -261,14 +259,19 @@ class Scene(Section):
 
     def without_clearances(self) -> Scene:
         """The scene with all clearances zero: clearances are reserves of a plan."""
-        cup, workspace, changes = self.cup, self.workspace, dict[str, Any]()
-        if cup is not None:
-            changes["cup"] = cup.changed(clearance=0.0)
-        if workspace is not None and workspace.palm_clearance is not None:
-            changes["workspace"] = workspace.changed(palm_clearance=0.0)
+        changes = dict[str, Any]()
+        if self.cup is not None:
+            changes["cup"] = self.cup.changed(clearance=0.0)
+        if self.bounds.palm_clearance is not None:
+            changes["workspace"] = self.bounds.changed(palm_clearance=0.0)
         if self.obstacle:
             changes["obstacle"] = tuple(one.changed(clearance=0.0) for one in self.obstacle)
         return self.changed(**changes)
+
+    @property
+    def bounds(self) -> Workspace:
+        """[workspace]; without the section one that bounds nothing."""
+        return self.workspace or UNBOUNDED
 
     @property
     def tool_speed(self) -> float | None:
@@ -328,8 +331,7 @@ class Scene(Section):
     def deviations(self) -> dict[str, float]:
         """Standard deviations of the uncertain parameters by name; without [uncertainty] of the
         default delay."""
-        section, values = self.uncertainty or Uncertainty.USUAL, self.values
-        spreads = {name: getattr(section, name).about(values[name]) for name in section.names}
+        spreads = (self.uncertainty or Uncertainty.USUAL).about(self.values)
         return {name: spread.deviation for name, spread in spreads.items()}
 
     @property
@@ -373,8 +375,7 @@ class Scene(Section):
 SECTIONS: dict[str, type[Section]] = {
     name: kind
     for name, hint in hints_of(Scene).items()
-    for kind in (*typing.get_args(hint), hint)
-    if isinstance(kind, type) and issubclass(kind, Section)
+    if (kind := part_of(hint)[0]) is not None and issubclass(kind, Section)
 }
 #: Keys of a scene file before its first section.
 TOP_KEYS = ("name", "description", "gravity")
@@ -383,16 +384,14 @@ TOP_KEYS = ("name", "description", "gravity")
 def _document_sections() -> None:
     """Every section and its keys with their units, for ``help(Scene)``."""
     lines = ["", "Sections, and what each holds:", ""]
-    for name, hint in hints_of(Scene).items():
-        kind, several = part_of(hint)
-        if kind is None or not issubclass(kind, Section):
-            continue
+    for name, kind in SECTIONS.items():
         keys = ", ".join(
             f"{field.name}{unit_of(field.metadata)}"
             for field in dataclasses.fields(kind)
             if "meaning" in field.metadata
         )
-        words = f"{name}: {'several of ' if several else ''}{name.capitalize()}({keys})"
+        several = "several of " if part_of(hints_of(Scene)[name])[1] else ""
+        words = f"{name}: {several}{name.capitalize()}({keys})"
         lines += textwrap.wrap(words, 92, subsequent_indent="    ")
     Scene.__doc__ = "\n".join([inspect.cleandoc(Scene.__doc__ or ""), *lines])
 

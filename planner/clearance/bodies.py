@@ -108,7 +108,7 @@ class CollisionScene:
             assert scene.target is not None
             plane = scene.target.plane
         found = [KeepOut(o.name, plane.seen(o.solid), o.clearance) for o in scene.obstacle]
-        floor = None if scene.workspace is None else scene.workspace.floor
+        floor = scene.bounds.floor
         if manipulator.capsules is not None and floor is not None:
             found.append(_floor(floor))
         return cls(scene, tuple(found), manipulator.capsules, plane.azimuth)

@@ -115,8 +115,8 @@ def _reached(scene: Scene, manipulator: Manipulator, throws: Releases) -> Flags:
 def _off_floor(scene: Scene, manipulator: Manipulator, throws: Releases) -> Flags:
     """Whether arm, hand and held bar (N,) are off the floor at all ends of the motion."""
     clear = np.ones(len(throws.q), dtype=bool)
-    workspace = scene.workspace
-    if workspace is None or workspace.floor is None or not clear.size:
+    floor = scene.bounds.floor
+    if floor is None or not clear.size:
         return clear
     end, stop, _ = _ahead(scene, manipulator, throws)
     for q, holds in (
@@ -131,7 +131,7 @@ def _off_floor(scene: Scene, manipulator: Manipulator, throws: Releases) -> Flag
         if holds:
             bar = held_bar(scene, hand)
             lowest = np.minimum(lowest, lowest_of_bar(scene.object, bar))
-        clear &= lowest >= workspace.floor
+        clear &= lowest >= floor
     return clear
 
 

@@ -179,10 +179,10 @@ class ReleaseSampler:
         keep = self.grip_use(q, dq, ddq) <= 1 - self.scene.gripper.sticking_margin
         pose = self._hand(q, dq, ddq, 0.0).pose
         theta = pose[2] + self.scene.grasp.angle
-        workspace = self.scene.workspace
-        if workspace is not None and workspace.floor is not None:
+        floor = self.scene.bounds.floor
+        if floor is not None:
             reach = self.scene.object.length - self.scene.grasp.offset
-            keep &= pose[1] + reach * np.sin(theta) > workspace.floor + self.scene.object.width / 2
+            keep &= pose[1] + reach * np.sin(theta) > floor + self.scene.object.width / 2
         return np.asarray(keep)
 
     def throw(self, q: Array, dq: Array, ddq: Array) -> Array:

@@ -99,11 +99,11 @@ class Sampler(ReadOnly):
 def sampler_of(scene: Scene, seed: int) -> Sampler:
     """Draws of the scene's [uncertainty], or of the default one."""
     section = scene.uncertainty or Uncertainty.USUAL
-    names, values, ranges = section.names, scene.values, scene.ranges
+    spreads, ranges = section.about(scene.values), scene.ranges
     return Sampler(
-        names,
-        tuple(getattr(section, name).about(values[name]) for name in names),
-        tuple(ranges[name] for name in names),
+        section.names,
+        tuple(spreads.values()),
+        tuple(ranges[name] for name in spreads),
         np.asarray(np.linalg.cholesky(section.matrix), float) if section.correlation else None,
         seed,
     )
