@@ -87,7 +87,7 @@ class PlanPath(ReadOnly):
 
 def path_of(throw: Throw) -> PlanPath:
     """The throw every millisecond."""
-    line, kinematics = over_time(throw, TICK), throw.manipulator.kinematics
+    line, kinematics = over_time(throw), throw.manipulator.kinematics
     joints = None
     if isinstance(kinematics, PlanarArm):
         at = throw.to_rest.at(line.times)
