@@ -124,8 +124,7 @@ class Scene(Section):
             if joints != self.arm.throwing_joints:
                 arm = dataclasses.replace(self.arm, throwing_joints=joints)
                 object.__setattr__(self, "arm", arm)
-            assert self.target is not None  # checked above
-            object.__setattr__(self, "target", self.target.with_lateral(self.arm.lateral))
+            object.__setattr__(self, "target", self.aim.with_lateral(self.arm.lateral))
         mistakes = Mistakes()
         for check in (
             self._check_grasp,
@@ -269,6 +268,12 @@ class Scene(Section):
         return self.changed(**changes)
 
     @property
+    def aim(self) -> Pose:
+        """The target; for scenes with [hand] or [robot], which have one."""
+        assert self.target is not None
+        return self.target
+
+    @property
     def bounds(self) -> Workspace:
         """[workspace]; without the section one that bounds nothing."""
         return self.workspace or UNBOUNDED
@@ -326,13 +331,6 @@ class Scene(Section):
         """Known mean [s] of the opening delay; the command is earlier by it."""
         spread = None if self.uncertainty is None else self.uncertainty.delay
         return 0.0 if spread is None else spread.about(0.0).expected
-
-    @property
-    def deviations(self) -> dict[str, float]:
-        """Standard deviations of the uncertain parameters by name; without [uncertainty] of the
-        default delay."""
-        spreads = (self.uncertainty or Uncertainty.USUAL).about(self.values)
-        return {name: spread.deviation for name, spread in spreads.items()}
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -71,8 +71,7 @@ class Library:
     """
 
     def __init__(self, scene: Scene, manipulator: Manipulator, *, keep: bool = True) -> None:
-        target = scene.target
-        assert target is not None
+        target = scene.aim
         self.controls = ReducedVariables(Request(scene, manipulator, target))
         self.angle = target.theta is not None
         self._scene, self._height = scene, target.z
@@ -215,9 +214,7 @@ def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     cache = cache_folder()
     if cache is None:
         return None
-    target = scene.target
-    assert target is not None
-    anywhere = Pose(1.0, target.z, theta=None if target.theta is None else 0.0)
+    anywhere = Pose(1.0, scene.aim.z, theta=None if scene.aim.theta is None else 0.0)
     like = scene.aimed_at(anywhere).changed(
         name="", description="", file="", cost=None, choice=None, robust=None, obstacle=()
     )

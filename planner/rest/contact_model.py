@@ -186,10 +186,9 @@ def _add_around(spec: Any, scene: Scene) -> None:
     if scene.cup is not None:
         _add_cup(spec, scene.cup)
     for number, obstacle in enumerate(scene.obstacle):
-        assert scene.target is not None
         # Several obstacles may have one name.
         name = f"{number} obstacle {obstacle.name}"
-        _add_solid(spec, name, scene.target.plane.seen(obstacle.solid))
+        _add_solid(spec, name, scene.aim.plane.seen(obstacle.solid))
 
 
 def _add_solid(spec: Any, name: str, solid: Solid) -> None:

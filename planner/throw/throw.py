@@ -113,8 +113,7 @@ class Throw:
     @property
     def target(self) -> Pose:
         """The target of the scene."""
-        assert self.scene.target is not None
-        return self.scene.target
+        return self.scene.aim
 
     @cached_property
     def release(self) -> Release:
