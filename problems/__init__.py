@@ -7,7 +7,7 @@ files.
 """
 
 from .arms import GripperData, load_arm
-from .calibration import Calibration, check_level, rank_of
+from .calibration import Calibration
 from .checks import InputError, ThrowplanError, check_arguments, checked
 from .grip import Grasp, Gripper, OutlinePart, PadContact, ThrownObject
 from .job_files import Bin, Jobs, Pick, jobs_names, load_jobs

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ...models import Array, ReadOnly
 from ...problems import InputError, check_arguments
@@ -63,6 +62,8 @@ def _lagging(rate: Array, share: Array, sent: Array) -> Array:
 
     rate and share go with the last axes.
     """
+    from scipy.signal import lfilter
+
     twice, moved = 2.0 / TICK, sent - sent[0]
     now, before, decay = (share * twice + rate, rate - share * twice, twice - rate) / (twice + rate)
     found = np.empty_like(moved)

@@ -11,16 +11,7 @@ import numpy as np
 
 from ...models import Array, Flags
 from ...models.release import MODELS
-from ...problems import (
-    Calibration,
-    InputError,
-    Scene,
-    as_scene,
-    check_arguments,
-    check_level,
-    checked,
-    rank_of,
-)
+from ...problems import Calibration, InputError, Scene, as_scene, check_arguments, checked
 from ...problems.files import filling, write_json
 from ...problems.throws import ThrowData, load_throws
 from ..show import BLUE, GREEN, GREY, RED, new_figure, save
@@ -70,7 +61,8 @@ class Calibrated:
         """Lowest probability that an exchangeable throw lands in the region; None where friction
         was fitted to the throws: theory has no bound then, the level is approximate."""
         known = self.section
-        return None if known.fitted else rank_of(known.throws, known.level) / (known.throws + 1)
+        rank = Calibration.rank(known.throws, known.level)
+        return None if known.fitted else rank / (known.throws + 1)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON: SI units, radians."""
@@ -107,7 +99,7 @@ class Calibrated:
         by = MODELS[known.model].title
         sure = "level approximate: friction was fitted to these throws, for each to the others"
         if self.guaranteed is not None:
-            k, n = rank_of(known.throws, known.level), known.throws
+            k, n = Calibration.rank(known.throws, known.level), known.throws
             sure = f"guaranteed for at least {100 * self.guaranteed:.1f} % ({k} of {n + 1})"
         low, high = known.speed
         least, most = (degree * rate for rate in known.rate)
@@ -165,13 +157,13 @@ def calibrate(
         data = load_throws(data)
     if isinstance(data, ThrowData):
         source = data.name
-        check_level(len(data.throws), level)
+        Calibration.check_level(len(data.throws), level)
         found = recorded_residuals(data, scene, fit, progress)
     elif fit:
         raise InputError(f"fit: {data} has no recordings: give a folder of measured throws")
     else:
         source, found = Path(data).name, planned_residuals(Path(data), scene)
-        check_level(len(found.names), level)
+        Calibration.check_level(len(found.names), level)
     if found.fit is not None:
         scene = applied(found.fit, scene)
     return Calibrated(source, found, _section(found, scene, level), scene)
@@ -263,7 +255,7 @@ def conformal_region(residuals: Array, level: float) -> Array:
     guarantees 1 - 2 alpha only (Barber, Candes, Ramdas and Tibshirani, 2021).
     """
     about = residuals - residuals.mean(axis=0)
-    rank, ticks = rank_of(len(about), level), np.linspace(-1.0, 1.0, SIDE)
+    rank, ticks = Calibration.rank(len(about), level), np.linspace(-1.0, 1.0, SIDE)
     shares = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
     # A component without scatter still has a width.
     reach = 3.0 * np.abs(about).max(axis=0) + 1e-9
