@@ -203,11 +203,10 @@ def enters_cup(scene: Scene, cup: Cup, com: Array, axis: Array, up: Array) -> Fl
         ends = bar.capsules[:, :4].reshape(-1, 2) - [bar.com, 0.0]
         along, across = np.moveaxis(ends[_heights(bar, axis, up).argmin(axis=-1)], -1, 0)
         low = com + along[..., None] * axis + across[..., None] * up
-        near = np.hypot(low[..., 0] - cup.x, low[..., 1]) < cup.radius
-        return np.asarray((depth >= cup.insertion) & near)
-    lower = np.where(axis[..., 2] < 0, bar.length - bar.com, -bar.com)
-    end = com[..., :2] + lower[..., None] * axis[..., :2]
-    near = np.hypot(end[..., 0] - cup.x, end[..., 1]) < cup.radius
+    else:
+        lower = np.where(axis[..., 2] < 0, bar.length - bar.com, -bar.com)
+        low = com + lower[..., None] * axis
+    near = np.hypot(low[..., 0] - cup.x, low[..., 1]) < cup.radius
     return np.asarray((depth >= cup.insertion) & near)
 
 
