@@ -22,7 +22,7 @@ from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque, check_torque, thrown_by
 from .poses import Pose
 from .section import Section, hints_of, part_of, quantity, rules, table_of, unit_of
-from .targets import Choice, Cost, Cup, Landing, Obstacle, Rest, Tolerance, Workspace
+from .targets import Choice, Cost, Cup, Landing, Mesh, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
 #: Poses along each range of a region at which a bar may be in the cup: odd, with the middle.
@@ -31,31 +31,6 @@ GRID = 21
 MOVERS = ("hand", "robot", "motion")
 #: Bounds of a scene without [workspace].
 UNBOUNDED = Workspace()
-
-
-@dataclasses.dataclass(frozen=True)
-class Mesh(Section):
-    """Numerical settings of the NLP. The defaults were chosen by measurement; few scenes need this
-    section.
-    """
-
-    carry: int = quantity("intervals from rest to the opening", least=3, most=60, default=6)
-    opening: int = quantity("intervals of the opening", least=2, most=60, default=6)
-    grading: float = quantity(
-        "above 1 the opening's intervals shrink towards its end", least=1, most=4, default=2.0
-    )
-    integrator: str = quantity(
-        "of the opening: two-point collocation, or Runge-Kutta with `substeps`",
-        choices=("gauss", "rk4"),
-        default="gauss",
-    )
-    substeps: int = quantity("steps per interval of `rk4`", least=1, most=20, default=2)
-    epsilon: float = quantity(
-        "relative rounding width of the friction laws", above=0, most=1, default=0.02
-    )
-    carry_max: float = quantity(
-        "s, longest carry; above the gripper's dwell by 0.05 s", above=0, default=2.0
-    )
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -331,6 +306,13 @@ class Scene(Section):
         """Known mean [s] of the opening delay; the command is earlier by it."""
         spread = None if self.uncertainty is None else self.uncertainty.delay
         return 0.0 if spread is None else spread.about(0.0).expected
+
+    @property
+    def deviations(self) -> dict[str, float]:
+        """Standard deviations of the uncertain parameters by name; without [uncertainty] of the
+        default delay."""
+        spreads = (self.uncertainty or Uncertainty.USUAL).about(self.values)
+        return {name: spread.deviation for name, spread in spreads.items()}
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -101,7 +101,7 @@ def test_a_scenes_own_delay_stays(tmp_path) -> None:
         (plain + "\n[uncertainty]\nfriction = { normal = 0.1 }\n", 0.01),
     ):
         scene.write_text(words, encoding="utf-8")
-        assert tp.load_scene(scene).uncertainty.delay.deviation == pytest.approx(deviation)
+        assert tp.load_scene(scene).deviations["delay"] == pytest.approx(deviation)
     scene.write_text(plain.replace("force =", "dwell = 0.04\nforce ="), encoding="utf-8")
     assert tp.load_scene(scene).uncertainty is None
 

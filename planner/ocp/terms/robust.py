@@ -23,7 +23,7 @@ import casadi as ca
 import numpy as np
 
 from ....models import FlightState
-from ....problems import Robust, Scene, Uncertainty
+from ....problems import Robust
 from ..problem import land
 from ..request import Request
 from ..scene_constraint import Brake, Flight, SceneConstraint
@@ -156,7 +156,7 @@ class LandingVariance(SceneConstraint):
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For a robust request of a scene that has such errors."""
-        deviations = _deviations(request.scene) if request.robust else {}
+        deviations = request.scene.deviations if request.robust else {}
         names = tuple(name for name in deviations if name in STATE_ERRORS)
         values = {
             "deviations": [deviations[name] for name in names],
@@ -177,13 +177,6 @@ class LandingVariance(SceneConstraint):
             if flight.ocp.structure.angle:
                 variance += (p("quiet_arm") * (theta + omega * t + end.omega * delay)) ** 2
             flight.add_objective(p("variance_weight") * deviation**2 * variance)
-
-
-def _deviations(scene: Scene) -> dict[str, float]:
-    """Standard deviations of the uncertain parameters by name; without [uncertainty] of the default
-    delay."""
-    spreads = (scene.uncertainty or Uncertainty.USUAL).about(scene.values)
-    return {name: spread.deviation for name, spread in spreads.items()}
 
 
 def _moved(at: FlightState, x: Any, z: Any, turn: float) -> list[Any]:
@@ -252,7 +245,7 @@ class Scenarios(SceneConstraint):
         if request.robust != "scenarios" or request.window is None:
             return None
         scene, values = request.scene, dict[str, Any](scenario_weight=SETTINGS.miss_price)
-        profile, deviations = scene.gripper.profile(), _deviations(scene)
+        profile, deviations = scene.gripper.profile(), scene.deviations
         instants = grip_instants(scene.mesh, request.nodes).ravel()
         for i, delay in enumerate(request.window.delays, start=1):
             value = dict(scene.values)
