@@ -16,15 +16,16 @@ from .body import (
     HandSamples,
     HandTrack,
     Indices,
+    PinchUse,
     ReadOnly,
     com_twist,
     com_wrench,
     contact_twist,
     held_wrench,
+    pinch_use,
     pivot_wrench,
     read_only,
     sticking_state,
 )
-from .pinch import PinchUse, pinch_use
 from .surface import SHAPES, SurfaceShape
 from .trajectory import MovedHand, Trajectory, low_pass

@@ -173,10 +173,9 @@ def _waiting(throw: PlannedThrow, wait: int) -> PlannedThrow:
     final, seconds = throw.deciding, wait * TICK
     planned, samples = _delayed(throw.planned, seconds), final.samples
     if len(samples.q):
-        still = np.repeat(samples.q[:1], wait, axis=0)
-        zero = np.zeros_like(still)
-        rows = zip((still, zero, zero), (samples.q, samples.dq, samples.ddq), strict=True)
-        samples = Samples(*(np.vstack(pair) for pair in rows))
+        rows = np.pad(samples.rows, ((0, 0), (wait, 0), (0, 0)))
+        rows[0, :wait] = samples.q[0]
+        samples = Samples(*rows)
     opened = final.opening_time + seconds
     final = Throw.sent(final.scene, final.manipulator, planned, samples, opened)
     lands = throw.planned_landing

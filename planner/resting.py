@@ -107,8 +107,8 @@ def _landing(plan: Plan) -> Array:
 def check_rest(scene: Scene) -> None:
     """InputError for a scene with [rest] without MuJoCo, or with its ground above target or cup."""
     load_mujoco()
-    floor, target, cup, rest = floor_of(scene), scene.target, scene.cup, scene.rest
-    assert floor is not None and target is not None and rest is not None
+    floor, target, cup, rest = floor_of(scene), scene.aim, scene.cup, scene.rest
+    assert floor is not None and rest is not None
     given = "" if rest.floor is not None else " (0 where none is given)"
     if floor >= target.z:
         raise InputError(

@@ -7,13 +7,13 @@ files.
 """
 
 from .arms import GripperData, load_arm
-from .calibration import Calibration, check_level, rank_of
+from .calibration import Calibration
 from .checks import InputError, ThrowplanError, check_arguments, checked
 from .grip import Grasp, Gripper, OutlinePart, PadContact, ThrownObject
 from .job_files import Bin, Jobs, Pick, jobs_names, load_jobs
 from .manipulators import Hand, Motion, Robot, Torque
 from .poses import MANY_TURNS, Pose, Region, ThrowPlane
-from .scene import Mesh, Scene
+from .scene import Scene
 from .scene_files import as_scene, load_scene, scene_from_table, scene_names, scene_text
-from .targets import Choice, Cost, Cup, Landing, Obstacle, Rest, Tolerance, Workspace
+from .targets import Choice, Cost, Cup, Landing, Mesh, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import Distribution, Robust, Uncertainty

@@ -13,20 +13,6 @@ from .files import toml_lines
 from .section import Section, meanings, optional, quantity, table_of
 
 
-def rank_of(throws: int, level: float) -> int:
-    """Number k of `throws` whose region, of the k smallest scores, has `level`: the k-th of N + 1
-    exchangeable scores is at least as large as a new one with probability k / (N + 1)."""
-    return math.ceil(level * (throws + 1) - 1e-9)
-
-
-def throws_needed(level: float) -> int:
-    """Fewest throws for a region that the share `level` of new throws lands in: rank_of(N) <= N.
-
-    Three at least, of which two differ from the mean in different ways.
-    """
-    return max(math.ceil(level / (1.0 - level) - 1e-9), 3)
-
-
 @dataclasses.dataclass(frozen=True)
 class Calibration(Section):
     """Residuals of measured throws, measured less predicted landing, as `throwplan calibrate`
@@ -74,11 +60,29 @@ class Calibration(Section):
 
     def check(self) -> None:
         """Enough throws for the level; ranges in order."""
-        check_level(self.throws, self.level)
+        self.check_level(self.throws, self.level)
         for name in ("x_interval", "theta_interval", "speed", "rate"):
             low, high = getattr(self, name)
             if low > high:
                 raise InputError(f"{name}: the lowest comes first")
+
+    @staticmethod
+    def rank(throws: int, level: float) -> int:
+        """Number k of `throws` whose region, of the k smallest scores, has `level`: the k-th of
+        N + 1 exchangeable scores is at least as large as a new one with probability k / (N + 1)."""
+        return math.ceil(level * (throws + 1) - 1e-9)
+
+    @staticmethod
+    def check_level(throws: int, level: float) -> None:
+        """InputError if no region of so few throws has the level: its rank must be at most N.
+
+        Three at least are needed, of which two differ from the mean in different ways.
+        """
+        needed = max(math.ceil(level / (1.0 - level) - 1e-9), 3)
+        if throws < needed:
+            raise InputError(
+                f"level = {level:g}: {throws} throws are too few, needs at least {needed} throws"
+            )
 
     @property
     def text(self) -> str:
@@ -96,12 +100,3 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, list):
         return [_rounded(one) for one in value]
     return float(f"{value:.6g}") if isinstance(value, float) else value
-
-
-def check_level(throws: int, level: float) -> None:
-    """InputError if no region of so few throws has the level."""
-    needed = throws_needed(level)
-    if throws < needed:
-        raise InputError(
-            f"level = {level:g}: {throws} throws are too few, needs at least {needed} throws"
-        )

@@ -10,7 +10,6 @@ import functools
 import inspect
 import math
 import textwrap
-import typing
 from pathlib import Path
 from typing import Any
 
@@ -23,38 +22,15 @@ from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque, check_torque, thrown_by
 from .poses import Pose
 from .section import Section, hints_of, part_of, quantity, rules, table_of, unit_of
-from .targets import Choice, Cost, Cup, Landing, Obstacle, Rest, Tolerance, Workspace
+from .targets import Choice, Cost, Cup, Landing, Mesh, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
 #: Poses along each range of a region at which a bar may be in the cup: odd, with the middle.
 GRID = 21
 #: Sections for the motion of the hand; a scene has exactly one of them.
 MOVERS = ("hand", "robot", "motion")
-
-
-@dataclasses.dataclass(frozen=True)
-class Mesh(Section):
-    """Numerical settings of the NLP. The defaults were chosen by measurement; few scenes need this
-    section.
-    """
-
-    carry: int = quantity("intervals from rest to the opening", least=3, most=60, default=6)
-    opening: int = quantity("intervals of the opening", least=2, most=60, default=6)
-    grading: float = quantity(
-        "above 1 the opening's intervals shrink towards its end", least=1, most=4, default=2.0
-    )
-    integrator: str = quantity(
-        "of the opening: two-point collocation, or Runge-Kutta with `substeps`",
-        choices=("gauss", "rk4"),
-        default="gauss",
-    )
-    substeps: int = quantity("steps per interval of `rk4`", least=1, most=20, default=2)
-    epsilon: float = quantity(
-        "relative rounding width of the friction laws", above=0, most=1, default=0.02
-    )
-    carry_max: float = quantity(
-        "s, longest carry; above the gripper's dwell by 0.05 s", above=0, default=2.0
-    )
+#: Bounds of a scene without [workspace].
+UNBOUNDED = Workspace()
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -96,12 +72,9 @@ class Scene(Section):
 
     def __repr__(self) -> str:
         """One line; `table` has all values."""
-        bar, target = self.object, self.target
+        bar, target = self.object, "" if self.target is None else f", to {self.target.words}"
         manipulator = "hand" if self.hand else self.arm.name if self.arm else "given motion"
-        words = f"Scene({self.name}: {manipulator}, {bar.mass:g} kg bar of {bar.length:g} m"
-        if target is not None:
-            words += f", to {target.words}"
-        return f"{words})"
+        return f"Scene({self.name}: {manipulator}, {bar.mass:g} kg bar of {bar.length:g} m{target})"
 
     @property
     def weights(self) -> Cost:
@@ -126,8 +99,7 @@ class Scene(Section):
             if joints != self.arm.throwing_joints:
                 arm = dataclasses.replace(self.arm, throwing_joints=joints)
                 object.__setattr__(self, "arm", arm)
-            assert self.target is not None  # checked above
-            object.__setattr__(self, "target", self.target.with_lateral(self.arm.lateral))
+            object.__setattr__(self, "target", self.aim.with_lateral(self.arm.lateral))
         mistakes = Mistakes()
         for check in (
             self._check_grasp,
@@ -261,14 +233,25 @@ class Scene(Section):
 
     def without_clearances(self) -> Scene:
         """The scene with all clearances zero: clearances are reserves of a plan."""
-        cup, workspace, changes = self.cup, self.workspace, dict[str, Any]()
-        if cup is not None:
-            changes["cup"] = cup.changed(clearance=0.0)
-        if workspace is not None and workspace.palm_clearance is not None:
-            changes["workspace"] = workspace.changed(palm_clearance=0.0)
+        changes = dict[str, Any]()
+        if self.cup is not None:
+            changes["cup"] = self.cup.changed(clearance=0.0)
+        if self.bounds.palm_clearance is not None:
+            changes["workspace"] = self.bounds.changed(palm_clearance=0.0)
         if self.obstacle:
             changes["obstacle"] = tuple(one.changed(clearance=0.0) for one in self.obstacle)
         return self.changed(**changes)
+
+    @property
+    def aim(self) -> Pose:
+        """The target; for scenes with [hand] or [robot], which have one."""
+        assert self.target is not None
+        return self.target
+
+    @property
+    def bounds(self) -> Workspace:
+        """[workspace]; without the section one that bounds nothing."""
+        return self.workspace or UNBOUNDED
 
     @property
     def tool_speed(self) -> float | None:
@@ -328,8 +311,7 @@ class Scene(Section):
     def deviations(self) -> dict[str, float]:
         """Standard deviations of the uncertain parameters by name; without [uncertainty] of the
         default delay."""
-        section, values = self.uncertainty or Uncertainty.USUAL, self.values
-        spreads = {name: getattr(section, name).about(values[name]) for name in section.names}
+        spreads = (self.uncertainty or Uncertainty.USUAL).about(self.values)
         return {name: spread.deviation for name, spread in spreads.items()}
 
     @property
@@ -373,8 +355,7 @@ class Scene(Section):
 SECTIONS: dict[str, type[Section]] = {
     name: kind
     for name, hint in hints_of(Scene).items()
-    for kind in (*typing.get_args(hint), hint)
-    if isinstance(kind, type) and issubclass(kind, Section)
+    if (kind := part_of(hint)[0]) is not None and issubclass(kind, Section)
 }
 #: Keys of a scene file before its first section.
 TOP_KEYS = ("name", "description", "gravity")
@@ -383,16 +364,14 @@ TOP_KEYS = ("name", "description", "gravity")
 def _document_sections() -> None:
     """Every section and its keys with their units, for ``help(Scene)``."""
     lines = ["", "Sections, and what each holds:", ""]
-    for name, hint in hints_of(Scene).items():
-        kind, several = part_of(hint)
-        if kind is None or not issubclass(kind, Section):
-            continue
+    for name, kind in SECTIONS.items():
         keys = ", ".join(
             f"{field.name}{unit_of(field.metadata)}"
             for field in dataclasses.fields(kind)
             if "meaning" in field.metadata
         )
-        words = f"{name}: {'several of ' if several else ''}{name.capitalize()}({keys})"
+        several = "several of " if part_of(hints_of(Scene)[name])[1] else ""
+        words = f"{name}: {several}{name.capitalize()}({keys})"
         lines += textwrap.wrap(words, 92, subsequent_indent="    ")
     Scene.__doc__ = "\n".join([inspect.cleandoc(Scene.__doc__ or ""), *lines])
 

@@ -1,4 +1,4 @@
-"""Tolerance, landing bounds, cup, workspace, obstacles, and the choice among throws."""
+"""Tolerance, landing bounds, cup, workspace, obstacles, choice among throws, the NLP's settings."""
 
 from __future__ import annotations
 
@@ -268,6 +268,31 @@ class Cost(Section):
     def fast(self) -> Cost:
         """This cost with a weight of the time beside which the others hardly count."""
         return dataclasses.replace(self, time=max(self.time, self.FAST))
+
+
+@dataclasses.dataclass(frozen=True)
+class Mesh(Section):
+    """Numerical settings of the NLP. The defaults were chosen by measurement; few scenes need this
+    section.
+    """
+
+    carry: int = quantity("intervals from rest to the opening", least=3, most=60, default=6)
+    opening: int = quantity("intervals of the opening", least=2, most=60, default=6)
+    grading: float = quantity(
+        "above 1 the opening's intervals shrink towards its end", least=1, most=4, default=2.0
+    )
+    integrator: str = quantity(
+        "of the opening: two-point collocation, or Runge-Kutta with `substeps`",
+        choices=("gauss", "rk4"),
+        default="gauss",
+    )
+    substeps: int = quantity("steps per interval of `rk4`", least=1, most=20, default=2)
+    epsilon: float = quantity(
+        "relative rounding width of the friction laws", above=0, most=1, default=0.02
+    )
+    carry_max: float = quantity(
+        "s, longest carry; above the gripper's dwell by 0.05 s", above=0, default=2.0
+    )
 
 
 @dataclasses.dataclass(frozen=True)

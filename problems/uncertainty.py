@@ -161,6 +161,10 @@ class Uncertainty(Section):
         """The uncertain parameters."""
         return tuple(name for name in self.PARAMETERS if getattr(self, name) is not None)
 
+    def about(self, values: Mapping[str, float]) -> dict[str, Distribution]:
+        """The distributions by name in absolute numbers, about the scene's `values`."""
+        return {name: getattr(self, name).about(values[name]) for name in self.names}
+
     def check(self) -> None:
         """At least one value is uncertain, only positive ones are relative, correlations are
         valid."""
@@ -222,9 +226,9 @@ class Uncertainty(Section):
         self, values: Mapping[str, float], ranges: Mapping[str, tuple[float, float]]
     ) -> None:
         """InputError if a value can become impossible; `values`: the scene's."""
-        for name in self.names:
+        for name, spread in self.about(values).items():
             low, high = ranges[name]
-            least, largest = getattr(self, name).about(values[name]).reach
+            least, largest = spread.reach
             if low <= least and largest <= high:
                 continue
             unit = math.degrees(1.0) if self.PARAMETERS[name].degrees else 1.0

@@ -115,7 +115,7 @@ def source_of(*makers: object) -> bytes:
     return b"".join(Path(str(sys.modules[name].__file__)).read_bytes() for name in names)
 
 
-def publish(folder: Path, name: str, write: Callable[[Path], None]) -> Path | None:
+def publish(folder: Path, name: str, write: Callable[[Path], object]) -> Path | None:
     """Entry `name`, made by `write(path)` beside it and then renamed; None if that fails."""
     target = folder / name
     try:

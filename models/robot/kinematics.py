@@ -138,9 +138,15 @@ class PlanarArm:
 
     def placed(self, q: Array) -> list[Array]:
         """`Arm.placed` at azimuth 0, at the throwing joints' `q`."""
-        joints = np.array(self.arm.posture, float)
-        joints[np.array(self.throwing_joints) - 1] = q
-        return self.arm.placed(joints.tolist())
+        return self.arm.placed(self.all_joints(q).tolist())
+
+    def all_joints(self, q: Array, azimuth: float = 0.0) -> Array:
+        """The angles (..., joints) of all joints at the throwing joints' `q` (..., n), in the plane
+        at `azimuth` [rad]."""
+        joints = np.tile(self.arm.posture, (*q.shape[:-1], 1))
+        joints[..., self.arm.azimuth_joint - 1] = self.arm.azimuth_angle(azimuth)
+        joints[..., [joint - 1 for joint in self.throwing_joints]] = q
+        return joints
 
     @functools.cached_property
     def rest_frames(self) -> list[Array]:

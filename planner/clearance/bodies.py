@@ -104,11 +104,9 @@ class CollisionScene:
         cls, scene: Scene, manipulator: Manipulator, plane: ThrowPlane | None = None
     ) -> CollisionScene:
         """The bodies of a scene; plane: of the throw, by default that of the scene's target."""
-        if plane is None:
-            assert scene.target is not None
-            plane = scene.target.plane
+        plane = plane or scene.aim.plane
         found = [KeepOut(o.name, plane.seen(o.solid), o.clearance) for o in scene.obstacle]
-        floor = None if scene.workspace is None else scene.workspace.floor
+        floor = scene.bounds.floor
         if manipulator.capsules is not None and floor is not None:
             found.append(_floor(floor))
         return cls(scene, tuple(found), manipulator.capsules, plane.azimuth)
@@ -138,19 +136,29 @@ class CollisionScene:
         self, times: Array, q: Array, com: Array | None = None, *, flying: bool = False
     ) -> SweptBodies:
         """Arm at coordinates q (n, N) and bar at CoM poses (3, N), at times (N,) [s]."""
-        names, ends, radius, cover = list[str](), list[Array](), list[float](), list[float]()
-        if self.capsules is not None:
-            names += self.capsules.names
-            ends.append(self.capsules.at(q))
-            radius += self.capsules.radius.tolist()
-            cover += [self.capsules.arm.arm.cover] * len(names)
-        if com is not None:
+        capsules = self.capsules
+        links = None if capsules is None else capsules.at(q)
+        held = None if com is None else bar_ends(self.scene.object, com)
+        return self.swept(times, links, held, flying=flying)
+
+    def swept(
+        self, times: Array, links: Array | None, held: Array | None, *, flying: bool = False
+    ) -> SweptBodies:
+        """The arm's capsules and the object's with these ends (C, 2, 3, N) at times (N,) [s]."""
+        names, ends = list[str](), [np.zeros((0, 2, 3, times.size))]
+        radius, cover = list[float](), list[float]()
+        if self.arm is not None and links is not None:
+            names += self.arm.names
+            ends.append(links)
+            radius += self.arm.radius.tolist()
+            cover += [self.arm.arm.arm.cover] * len(names)
+        if held is not None:
             radii = bar_radii(self.scene.object)
             names += [BAR] * len(radii)
-            ends.append(bar_ends(self.scene.object, com))
+            ends.append(held)
             radius += radii
             cover += [0.0] * len(radii)
-        placed = np.concatenate(ends) if ends else np.zeros((0, 2, 3, times.size))
+        placed = np.concatenate(ends)
         return SweptBodies(tuple(names), placed, np.array(radius), np.array(cover), times, flying)
 
     def clearances(self, track: SweptBodies) -> list[Clearance]:
@@ -290,8 +298,7 @@ def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
 
     The bar may lie on an obstacle, and the arm's base may stand on one.
     """
-    target, bar = scene.target, scene.object
-    assert target is not None
+    target, bar = scene.aim, scene.object
     around = CollisionScene.of(scene, manipulator)
     x, theta = target.grid(9)
     # A bar is judged by its middle half.

@@ -12,7 +12,7 @@ from ...models import Array, read_only
 from ...models.robot import PadMotion, PlanarArm, SpatialArm
 from ...problems import Scene, ThrowPlane
 from ..throw import Manipulator
-from .bodies import BAR, CollisionScene, SweptBodies, bar_radii
+from .bodies import CollisionScene, SweptBodies, bar_radii
 from .outlines import bar_ends, held_bar
 
 #: Points along the axis of a bar, or of a capsule, whose distance from the base column is measured.
@@ -101,24 +101,15 @@ class SpatialScene:
     def bodies(self, q: Array, times: Array, bar: Array | None = None) -> SweptBodies:
         """Arm with joints q (N, joints) at times (N,) [s], and the object's capsules with ends
         (K, 2, 3, N)."""
-        arm, capsules = self.kinematics.arm, self.manipulator.capsules
-        names, ends, radius = list[str](), list[Array](), list[float]()
-        if capsules is not None:
-            frames = self.spatial.frames(q)
-            names += capsules.names
-            ends += [
-                np.einsum("nij,kj->kin", frames[c.link][:, :3, :3], np.array([c.begin, c.end]))
-                + frames[c.link][:, :3, 3].T
-                for c in arm.capsules
-            ]
-            radius += capsules.radius.tolist()
-        cover = [arm.cover] * len(names)
-        if bar is not None:
-            radii = bar_radii(self.scene.object)
-            names, ends = [*names, *[BAR] * len(radii)], [*ends, *bar]
-            radius, cover = [*radius, *radii], [*cover, *[0.0] * len(radii)]
-        placed = np.array(ends) if ends else np.zeros((0, 2, 3, len(q)))
-        return SweptBodies(tuple(names), placed, np.array(radius), np.array(cover), times)
+        if self.manipulator.capsules is None:
+            return self.around.swept(times, None, bar)
+        frames, links = self.spatial.frames(q), self.kinematics.arm.capsules
+        ends = [
+            np.einsum("nij,kj->kin", frames[c.link][:, :3, :3], np.array([c.begin, c.end]))
+            + frames[c.link][:, :3, 3].T
+            for c in links
+        ]
+        return self.around.swept(times, np.array(ends), bar)
 
     @cached_property
     def around(self) -> CollisionScene:

@@ -58,6 +58,16 @@ def add_out(add: Add, what: str) -> None:
     add("--out", metavar="DIR", help=f"write {what} to this folder")
 
 
+def toml_out(options: argparse.Namespace) -> Path:
+    """The TOML file of --out; InputError for another file, or without its folder."""
+    out = Path(options.out)
+    if out.suffix != ".toml":
+        raise InputError(f"--out {out}: must end in .toml")
+    if not out.parent.is_dir():
+        raise InputError(f"--out {out}: its folder does not exist")
+    return out
+
+
 def add_workers(add: Add, words: str) -> None:
     """The options --workers, with this help, and --scheduler."""
     add("--workers", type=integer(), metavar="N", help=words)

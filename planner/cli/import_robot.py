@@ -31,7 +31,7 @@ from ...problems.urdf import (
     read_urdf,
     urdf_file,
 )
-from .common import DONE, Add, Progress, number, print_result
+from .common import DONE, Add, Progress, number, print_result, toml_out
 
 LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3", "torque": "N m"}
 
@@ -74,11 +74,7 @@ def run(options: argparse.Namespace) -> int:
     example: throwplan import-robot my.urdf --joints j1 j2 j3 j4 j5 j6 --tool gripper
     --tcp 0.12 --acceleration 10 --jerk 1000 --out my-arm.toml
     """
-    out, urdf = Path(options.out), Path(options.urdf)
-    if out.suffix != ".toml":
-        raise InputError(f"--out {out}: must end in .toml")
-    if not out.parent.is_dir():
-        raise InputError(f"--out {out}: its folder does not exist")
+    out, urdf = toml_out(options), Path(options.urdf)
     if options.name is not None and not (options.name and options.name.isprintable()):
         raise InputError("--name: must be a word")
     with Progress(f"{urdf}: reading"):

@@ -62,21 +62,15 @@ def _lagging(rate: Array, share: Array, sent: Array) -> Array:
 
     rate and share go with the last axes.
     """
+    from scipy.signal import lfilter
+
     twice, moved = 2.0 / TICK, sent - sent[0]
-    whole = twice + rate
-    driven = (share * twice + rate) / whole * moved
-    driven[1:] += (rate - share * twice) / whole * moved[:-1]
-    return np.asarray(sent[0] + _decaying((twice - rate) / whole, driven))
-
-
-def _decaying(factor: Array, driven: Array) -> Array:
-    """y (N, ...) with y_k = factor y_(k-1) + driven_k, by sums over 1, 2, 4, ... samples."""
-    found, reach = driven, 1
-    while reach < len(found):
-        before, found = found, found.copy()
-        found[reach:] += factor * before[:-reach]
-        factor, reach = factor * factor, 2 * reach
-    return found
+    now, before, decay = (share * twice + rate, rate - share * twice, twice - rate) / (twice + rate)
+    found = np.empty_like(moved)
+    for joint in np.ndindex(np.shape(rate)):
+        law = [now[joint], before[joint]], [1.0, -decay[joint]]
+        found[..., *joint] = lfilter(*law, moved[..., *joint], axis=0)
+    return np.asarray(sent[0] + found)
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,7 @@ from ...models.robot import PlanarArm
 from ...problems import InputError, Pose, check_arguments, checked
 from ..result import Plan, joint_samples
 from ..search import NlpCache, error_over
-from ..throw import (
-    TICK,
-    Samples,
-    Throw,
-    braked,
-)
+from ..throw import TICK, Samples, Throw, braked
 from ..verdict import Code, Finding, held_verdict, verdict
 from .expected_throw import ExpectedThrow
 from .joint_lag import Follower, Response
@@ -238,8 +233,7 @@ class Session:
 
     def _expectation(self, target: Pose, now: float) -> ExpectedThrow:
         """What is expected of what is sent now."""
-        samples = self.throw.samples
-        joints = self._follower.expected(np.array([samples.q, samples.dq, samples.ddq]))
+        joints = self._follower.expected(self.throw.samples.rows)
         lands = target.changed(since=now).at(self._landing_time) if target.speed else target
         scene = self.throw.scene.aimed_at(lands)
         throw = dataclasses.replace(
@@ -303,7 +297,7 @@ class Session:
                 found = before.moved(self._with_change(before.joints, response.all(moved), first))
             if not found.pose_error < before.pose_error:
                 continue
-            rows = self._with_change(self._rows, moved, first)
+            rows = self._with_change(self.throw.samples[: self._end].rows, moved, first)
             for ease in SETTINGS.brake_shares[self._brake :]:
                 sent = self._sent(rows, ease)
                 wrong = self._violation(sent, found)
@@ -347,12 +341,6 @@ class Session:
             self._matrix = matrix
         return best, least
 
-    @property
-    def _rows(self) -> Array:
-        """What is sent until the pads are open (3, N, n)."""
-        samples, end = self.throw.samples, self._end
-        return np.array([samples.q[:end], samples.dq[:end], samples.ddq[:end]])
-
     def _with_change(self, rows: Array, change: Array, first: int) -> Array:
         """Rows (3, N, n) changed from sample `first` on until the pads are open."""
         rows = rows.copy()
@@ -367,8 +355,7 @@ class Session:
     def _violation(self, sent: Throw, found: ExpectedThrow) -> Finding | None:
         """Why a motion must not be sent; None: it may."""
         samples = sent.samples
-        joints = self._follower.expected(np.array([samples.q, samples.dq, samples.ddq]))
-        path = Trajectory.quintics(TICK, *joints)
+        path = Trajectory.quintics(TICK, *self._follower.expected(samples.rows))
         # Until the pads are open the motion is that of `found`.
         throw = dataclasses.replace(
             found.throw, path=path, samples=samples, known_release=found.throw.release
@@ -381,10 +368,15 @@ class Session:
     def _brake_to_rest(self, first: int) -> str:
         """Brakes from sample `first` on; why it must not, in words."""
         throw = self.throw
+<<<<<<< HEAD
         old, scene, manipulator = throw.samples, throw.scene, throw.manipulator
         upto = slice(0, first + 1)
         samples = braked(manipulator.hard, Samples(old.q[upto], old.dq[upto], old.ddq[upto]))
         judged = held_verdict(scene, manipulator, samples, first)
+=======
+        samples = braked(throw.manipulator, throw.samples[: first + 1])
+        judged = held_verdict(throw.scene, throw.manipulator, samples, first)
+>>>>>>> less
         if not judged.ok:
             return f"it cannot stop: {judged.broken[0].words}"
         self.throw = dataclasses.replace(throw, path=samples.path, samples=samples)
@@ -396,7 +388,6 @@ class Session:
         kinematics, samples = self.throw.manipulator.kinematics, self.throw.samples
         assert isinstance(kinematics, PlanarArm)
         first = min(first, len(samples.q) - 1)
-        rest = Samples(*(values[first:] for values in (samples.q, samples.dq, samples.ddq)))
-        joints = joint_samples(kinematics, self.throw.target.plane.azimuth, rest)
+        joints = joint_samples(kinematics, self.throw.target.plane.azimuth, samples[first:])
         command = None if self._is_stopped else self.throw.command_time
         return Update(status, words, first, *joints, command, expected.off)

@@ -2,8 +2,7 @@
 
 from .belief import Belief, applied, contact_text, prior_of
 from .calibration import FILES as CALIBRATE_FILES
-from .calibration import Calibrated, calibrate
-from .conformal import region as conformal_region
+from .calibration import Calibrated, calibrate, conformal_region
 from .identification import FILES as IDENTIFY_FILES
 from .identification import Identified, identify, one_surface, save_identified, summary_of
 from .measured import SURFACE, batch_rows, conditions, measured, throw_data

@@ -9,25 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, Flags
 from ...models.release import MODELS
-from ...problems import (
-    Calibration,
-    InputError,
-    Scene,
-    as_scene,
-    check_arguments,
-    check_level,
-    checked,
-    rank_of,
-)
+from ...problems import Calibration, InputError, Scene, as_scene, check_arguments, checked
 from ...problems.files import filling, write_json
 from ...problems.throws import ThrowData, load_throws
 from ..show import BLUE, GREEN, GREY, RED, new_figure, save
 from ..verdict import region_words
 from ..workers import Progress
 from .belief import applied, contact_text
-from .conformal import region
 from .residuals import Residuals, planned_residuals, recorded_residuals
 
 if TYPE_CHECKING:
@@ -37,6 +27,14 @@ if TYPE_CHECKING:
 FILES = ("calibrate.json", "calibration.toml", "calibration.png")
 #: Factors from metres and radians to millimetres and degrees.
 UNITS = np.array([1e3, math.degrees(1.0)])
+#: Candidates along each component, odd; the region's half widths are rounded up by one step.
+SIDE = 61
+#: Least variance [m², rad²]: that of equal residuals is 0.
+TINY = 1e-24
+#: Most residuals times candidates at once.
+CHUNK = 4_000_000
+#: Most enlargements and refinements of the grid of candidates.
+ROUNDS = 40
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,8 @@ class Calibrated:
         """Lowest probability that an exchangeable throw lands in the region; None where friction
         was fitted to the throws: theory has no bound then, the level is approximate."""
         known = self.section
-        return None if known.fitted else rank_of(known.throws, known.level) / (known.throws + 1)
+        rank = Calibration.rank(known.throws, known.level)
+        return None if known.fitted else rank / (known.throws + 1)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON: SI units, radians."""
@@ -100,7 +99,7 @@ class Calibrated:
         by = MODELS[known.model].title
         sure = "level approximate: friction was fitted to these throws, for each to the others"
         if self.guaranteed is not None:
-            k, n = rank_of(known.throws, known.level), known.throws
+            k, n = Calibration.rank(known.throws, known.level), known.throws
             sure = f"guaranteed for at least {100 * self.guaranteed:.1f} % ({k} of {n + 1})"
         low, high = known.speed
         least, most = (degree * rate for rate in known.rate)
@@ -158,13 +157,13 @@ def calibrate(
         data = load_throws(data)
     if isinstance(data, ThrowData):
         source = data.name
-        check_level(len(data.throws), level)
+        Calibration.check_level(len(data.throws), level)
         found = recorded_residuals(data, scene, fit, progress)
     elif fit:
         raise InputError(f"fit: {data} has no recordings: give a folder of measured throws")
     else:
         source, found = Path(data).name, planned_residuals(Path(data), scene)
-        check_level(len(found.names), level)
+        Calibration.check_level(len(found.names), level)
     if found.fit is not None:
         scene = applied(found.fit, scene)
     return Calibrated(source, found, _section(found, scene, level), scene)
@@ -172,7 +171,7 @@ def calibrate(
 
 def _section(found: Residuals, scene: Scene, level: float) -> Calibration:
     """The section [calibration] of residuals."""
-    half = region(found.landing, level)
+    half = conformal_region(found.landing, level)
     mean, error = found.landing.mean(axis=0), _mean_error(found.landing, level)
     x, theta = np.column_stack([mean - error, mean + error]).tolist()
     speed, rate = np.column_stack([found.twist.min(axis=0), found.twist.max(axis=0)]).tolist()
@@ -237,3 +236,50 @@ def _picture(found: Calibrated) -> Figure:
     axis.grid(alpha=0.25)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
+
+
+def conformal_region(residuals: Array, level: float) -> Array:
+    """Half widths (2,) of the smallest box about the mean that holds the full conformal region of
+    the next residual: no distribution is assumed.
+
+    residuals (N, 2), N at least what the level needs. A new residual less the mean of these is
+    inside with a probability of `level` or more.
+
+    The score of a residual among N + 1 is its distance from their mean, in standard deviations of
+    each component, the larger component: a symmetric function of all N + 1. A candidate belongs to
+    the region if its score among the N measured ones and itself is at most the k-th smallest of
+    theirs. If all N + 1 are exchangeable this holds for the true one with a probability of
+    k / (N + 1) or more, in finite samples and for any distribution, although the mean comes from
+    the same throws (Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World, 2005).
+    Split conformal prediction would need throws of their own for the mean; the jackknife+
+    guarantees 1 - 2 alpha only (Barber, Candes, Ramdas and Tibshirani, 2021).
+    """
+    about = residuals - residuals.mean(axis=0)
+    rank, ticks = Calibration.rank(len(about), level), np.linspace(-1.0, 1.0, SIDE)
+    shares = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
+    # A component without scatter still has a width.
+    reach = 3.0 * np.abs(about).max(axis=0) + 1e-9
+    for _ in range(ROUNDS):
+        held = np.abs(shares[_belongs(about, shares * reach, rank)] * reach).max(axis=0)
+        held += 2.0 * reach / (SIDE - 1)
+        if (held >= reach).any():
+            reach = np.where(held >= reach, 2.0 * reach, reach)
+        elif (held > 0.9 * reach).all():
+            break
+        else:
+            reach = 1.05 * held
+    return np.asarray(held)
+
+
+def _belongs(about: Array, candidates: Array, rank: int) -> Flags:
+    """Flags (M,) of the candidates (M, 2) whose score among N residuals (N, 2) about their mean and
+    itself is at most the `rank`-th smallest of these."""
+    count, flags = len(about), list[Flags]()
+    for part in np.array_split(candidates, max(count * len(candidates) // CHUNK, 1)):
+        mean = part / (count + 1)
+        square = ((about**2).sum(axis=0) + part**2) / (count + 1) - mean**2
+        spread = np.sqrt(np.maximum(square, TINY))
+        own = (np.abs(part - mean) / spread).max(axis=1)
+        others = (np.abs(about - mean[:, None]) / spread[:, None]).max(axis=2)
+        flags.append((others < own[:, None]).sum(axis=1) < rank)
+    return np.concatenate(flags)

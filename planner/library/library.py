@@ -2,27 +2,39 @@
 
 Any number of processes add records to it at the same time. Whatever is planned from a record is
 thrown and checked as any other throw, so a wrong record costs time only.
+
+Each scene has a folder, named by a hash of all that its throws depend on. A file in it is named by
+a checksum and the length of its bytes; it is added whole and never changed. One that is cut short,
+garbled or another user's is passed over.
 """
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
+import io
 import math
-from collections.abc import Iterator, Sequence
+import os
+import zlib
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
+from ...core.compile import DAMAGED, cache_folder, digest, publish
 from ...models import Array, Indices
 from ...problems import Pose, Scene
 from ..ocp import Optimum, ReducedVariables, Request
 from ..throw import Manipulator
-from .files import folder_of, read_files, write_file
 from .records import Records, are_valid, optimum_in, record_of, record_type
 
 #: Whether a landing angle counts its full turns ("exact") or not ("any").
 Turns = Literal["exact", "any"]
+#: Version of the records. Raise it where a field or a number of `ReducedVariables` gets another
+#: meaning, and where the reach grows: landings that no throw was found for are not tried again.
+FORMAT = 5
 
 
 @dataclass(frozen=True)
@@ -59,8 +71,7 @@ class Library:
     """
 
     def __init__(self, scene: Scene, manipulator: Manipulator, *, keep: bool = True) -> None:
-        target = scene.target
-        assert target is not None
+        target = scene.aim
         self.controls = ReducedVariables(Request(scene, manipulator, target))
         self.angle = target.theta is not None
         self._scene, self._height = scene, target.z
@@ -192,3 +203,73 @@ class Library:
                 (float(x[i]), float(theta[i])),
                 float(away[i]),
             )
+
+
+def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
+    """The folder of a scene's library with records of this kind; None without a cache folder.
+
+    The target's place, [cost], [choice], [robust], [rest] and [calibration], and obstacles do not
+    enter the name: throws of one library serve any of them.
+    """
+    cache = cache_folder()
+    if cache is None:
+        return None
+    anywhere = Pose(1.0, scene.aim.z, theta=None if scene.aim.theta is None else 0.0)
+    like = scene.aimed_at(anywhere).changed(
+        name="", description="", file="", cost=None, choice=None, robust=None, obstacle=()
+    )
+    if like.cup is not None:
+        # A cup that was moved and moved back may differ in the last digit.
+        like = like.changed(cup=like.cup.changed(x=round(like.cup.x, 9)))
+    apart = ("cost", "rest", "calibration")
+    names = [field.name for field in dataclasses.fields(like) if field.name not in apart]
+    sections = [repr(getattr(like, name)) for name in names]
+    return cache / f"throws-{digest(f'throws {FORMAT}', repr(kind.descr), *sections)}"
+
+
+def read_files(
+    folder: Path, kind: np.dtype[Any], known: Collection[str]
+) -> Iterator[tuple[str, Records]]:
+    """Names and records of the folder's files that are whole, of this user and of this kind.
+
+    known: names that are passed over.
+    """
+    try:
+        if not _is_own(folder):
+            return
+        paths = sorted(path for path in folder.glob("*.npy") if path.name not in known)
+    except OSError:
+        return
+    for path in paths:
+        try:
+            # NumPy reads a file only once its bytes are known to be those that were written.
+            if not (_is_own(path) and path.is_file()):
+                continue
+            if _name_of(np.memmap(path, mode="r").data) != path.name:
+                continue
+            records = np.load(path, mmap_mode="r", allow_pickle=False)
+        except DAMAGED:
+            continue
+        if records.dtype == kind and records.ndim == 1 and records.size:
+            yield path.name, records
+
+
+def write_file(folder: Path | None, records: Records) -> tuple[str, bool]:
+    """The name of the records' file, and whether it was written; a full disk costs the file."""
+    data = io.BytesIO()
+    np.save(data, records)
+    name, written = _name_of(data.getvalue()), None
+    if folder is not None:
+        with contextlib.suppress(OSError):
+            folder.mkdir(mode=0o700, exist_ok=True)
+            written = publish(folder, name, lambda path: path.write_bytes(data.getvalue()))
+    return name, written is not None
+
+
+def _name_of(data: bytes | memoryview) -> str:
+    return f"{zlib.crc32(data):08x}-{len(data):x}.npy"
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a file or folder is this user's."""
+    return not hasattr(os, "getuid") or path.stat().st_uid == os.getuid()

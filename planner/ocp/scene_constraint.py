@@ -64,11 +64,11 @@ class Instant(Scope):
         cos, sin = ca.cos(theta), ca.sin(theta)
         return pose[0] + reach * cos, pose[1] + reach * sin, cos, sin
 
-    def held_points(self, count: int = 2) -> list[tuple[ca.SX, ca.SX, OutlinePoint]]:
-        """x, z [m] of `count` points on each capsule of the held object's outline."""
+    def held_points(self) -> list[tuple[ca.SX, ca.SX, OutlinePoint]]:
+        """x, z [m] of both ends of each capsule's axis of the held object's outline."""
         pose, theta = self.hand[0], self.hand[0][2] + self.ocp.grasp_angle
         cos, sin, h = ca.cos(theta), ca.sin(theta), self.ocp.body.com_offset
-        com, points = (pose[0] + h * cos, pose[1] + h * sin), self.ocp.outline_points(count)
+        com, points = (pose[0] + h * cos, pose[1] + h * sin), self.ocp.outline_points(2)
         return [(*point.placed(*com, cos, sin), point) for point in points]
 
     @property

@@ -36,7 +36,6 @@ from .stages import (
     REL,
     Block,
     Constraints,
-    Instants,
     Parameters,
     Q,
     Row,
@@ -237,9 +236,8 @@ class Node(Scope):
 
     def at_instants(self, *data: npt.ArrayLike) -> tuple[Scope, list[ca.SX]]:
         """A group of N instants, and symbols for the `data` (N,) of each."""
-        at = ca.SX.sym("at", len(data))
-        self.stage.instants.append(Instants(at, np.array(data, float)))
-        return Scope(self.ocp, self.stage.instants[-1]), list(ca.vertsplit(at))
+        group, symbols = self.stage.at_instants(*data)
+        return Scope(self.ocp, group), symbols
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,8 @@ import numpy as np
 
 from ...models import Array
 from ...problems import Pose, Scene
-from .maps import WIDTHS, reach_map
+from .map_samples import reach_map
+from .maps import WIDTHS
 
 Cell = tuple[int, int]
 Landings = tuple[Array, Array]

@@ -98,8 +98,7 @@ def grow(
     cells: Cells | None = Cells.of(*landings, throws, angle=library.angle)
     if executor is not None:
         # Workers on this machine then find the machine code in the cache.
-        target, refinement = problems.scene.target, first_refinement(problems.scene)
-        assert target is not None
+        target, refinement = problems.scene.aim, first_refinement(problems.scene)
         for elastic in (False, True):
             nlp = problems.problem(target.middle, refinement, "fatrop", Clock(), elastic=elastic)
             nlp.solver.compile()
@@ -122,10 +121,8 @@ class LibraryBuilder:
     def __init__(
         self, solver: CellSolver, releases: Releases, library: Library, cells: Cells, most: float
     ) -> None:
-        target = solver.problems.scene.target
-        assert target is not None
         self._solver, self._releases, self._library = solver, releases, library
-        self._target, self._cells, self._most = target, cells, most
+        self._target, self._cells, self._most = solver.problems.scene.aim, cells, most
         self._solved: dict[Cell, KnownThrow] = {}
         self._failures: dict[Cell, int] = {}
         #: Cells that may be beyond the boundary, to be approached; how often a cell was; the throws

@@ -1,4 +1,4 @@
-"""The sampled throws of a map: how they are drawn, which are allowed, and their margins.
+"""A map from sampled throws: how they are drawn, which are allowed, their margins and bins.
 
 `ReleaseSampler` draws the states as if the start were free. With a given start the arm first
 moves, from rest to rest, to where the run-up begins; both must fit into the longest carry.
@@ -8,26 +8,163 @@ Allowed are throws that keep floor, base column and palm.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from ...models import Array, Flags
-from ...problems import Scene
+from ...problems import Scene, as_scene, check_arguments, checked
 from ..clearance import held_bar, lowest_of_bar, palm_corners
-from ..ocp import BRAKE_SHARE, PASSING_MARGIN
-from ..samples import Releases, ReleaseSampler, flies_past_column, run_up
-from ..throw import Limits, Manipulator, outline
-
-Counts = npt.NDArray[np.int64]
+from ..library import Library
+from ..ocp import CUP_MARGIN, FLIGHT_MAX, PASSING_MARGIN
+from ..samples import Releases, ReleaseSampler, flies_past_column, highest, joined, run_up
+from ..search import check_start
+from ..throw import Limits, Manipulator, make_manipulator, outline
+from ..verdict import lands_well
+from ..workers import Progress
+from .maps import WIDTHS, Counts, ReachMap, places
 
 #: States that are sampled at a time.
 CHUNK = 20_000
 #: Two throws count as different if they lie in different cells, of this share of the range of
 #: each coordinate and rate.
 CELL = 0.15
+#: Fewest landings, on average, of a bin with a landing.
+MIN_FILL = 10.0
+#: Most bins on each axis.
+MAX_BINS = 400
+#: Most sampled states.
+MOST = 10_000_000
+#: Default number of sampled states.
+SAMPLES = 200_000
+#: Largest height and depth [m] of a map.
+FARTHEST = 1e4
+
+
+@check_arguments
+def reach_map(
+    scene: Scene | str | Path,
+    z: float | None = None,
+    samples: int = SAMPLES,
+    *,
+    progress: Progress | None = None,
+) -> ReachMap:
+    """The landing poses in reach of a scene at height `z` [m], by default the target's.
+
+    Equal arguments give equal maps. progress(done, samples) is called on the way. Raises
+    InputError for a scene that cannot be planned and for numbers out of range; if no throw lands at
+    the height, the map is empty and has a message.
+    """
+    scene = as_scene(scene)
+    check_map(z, samples)
+    manipulator = make_manipulator(scene)
+    check_start(scene, manipulator)
+    height = scene.aim.z if z is None else float(z)
+    target = dataclasses.replace(scene.aim, z=height)
+    aimed = scene.aimed_at(target)  # moves the cup along with the target
+    parts: list[tuple[Array, Array, Array, Counts]] = []
+    down, rise, done = 0, (-math.inf, ""), 0
+    for count, drawn in chunks(scene, manipulator, samples):
+        thrown = joined(*drawn)
+        x, theta, time = scene.flight.land(thrown.detach, height).T
+        landed = np.isfinite(time) & (time <= FLIGHT_MAX)
+        down += int(landed.sum())
+        if not down:
+            for part in drawn:
+                _, pose, words = highest(part, target, scene.flight)
+                rise = max(rise, (-math.inf if pose is None else pose.z, words))
+        thrown, x, theta, time = thrown.picked(landed), x[landed], theta[landed], time[landed]
+        good = allowed(scene, manipulator, thrown, time)
+        good &= lands_well(aimed, thrown.detach, np.column_stack([x, theta, time]), CUP_MARGIN)
+        thrown = thrown.picked(good)
+        rest = margins(scene, manipulator, thrown), cells_of(manipulator, thrown)
+        parts.append((x[good], theta[good], *rest))
+        done += count
+        if progress is not None:
+            progress(done, samples)
+    x, theta, margin, cells = (np.concatenate(rows) for rows in zip(*parts, strict=True))
+    empty = ReachMap(scene, height, samples, x=x, theta=theta)
+    library = Library(scene, manipulator)
+    if len(library):
+        beyond = library.records[library.records["boundary"]]
+        empty = dataclasses.replace(
+            empty,
+            solved=library.landings(height)[:2],
+            beyond=beyond["landing"].T.astype(float),
+            binding=tuple(name.decode() for name in beyond["binding"][:, 0]),
+        )
+    if not x.size:
+        return dataclasses.replace(empty, message=_why_nothing(height, down, rise))
+    return _binned(empty, margin, cells)
+
+
+def check_map(z: float | None, samples: int, prefix: str = "") -> None:
+    """InputError for numbers out of range; `prefix` as on the command line."""
+    checked(f"{prefix}z", z, float | None, {"least": -FARTHEST, "most": FARTHEST})
+    checked(f"{prefix}samples", samples, int, {"least": 1, "most": MOST})
+
+
+def _binned(found: ReachMap, margin: Array, cells: Counts) -> ReachMap:
+    """The map with its landings in bins, of theta only where the target has one.
+
+    margin (N,): of each landing; cells (N,): equal for throws that count as one.
+    """
+    x, theta, angle = found.x, found.theta, found.scene.aim.theta is not None
+    edges = edges_of([x, theta] if angle else [x])
+    theta_edges = edges[1] if angle else None
+    shape = (len(edges[0]) - 1, len(edges[1]) - 1 if angle else 1)
+    where = places(edges[0], x) * shape[1]
+    if angle:
+        where = where + places(edges[1], theta)
+    size = shape[0] * shape[1]
+    best = np.full(size, -np.inf)
+    np.maximum.at(best, where, margin)
+    different = np.unique(np.column_stack([where, cells]), axis=0)[:, 0]
+    return dataclasses.replace(
+        found,
+        x_edges=edges[0],
+        theta_edges=theta_edges,
+        landings=np.bincount(where, minlength=size).reshape(shape),
+        solutions=np.bincount(different, minlength=size).reshape(shape),
+        margin=np.where(np.isfinite(best), best, np.nan).reshape(shape),
+    )
+
+
+def _why_nothing(z: float, down: int, rise: tuple[float, str]) -> str:
+    """Why no throw was found; down: throws that land; rise: the highest apex [m], and words."""
+    if down:
+        kept = "keeps floor, base column, longest carry and the bounds of [landing]"
+        return f"no throw found: none of {down:,} sampled throws down to z {z:g} m {kept}"
+    if rise[0] > z:
+        return f"no throw found: none comes down through z {z:g} m within {FLIGHT_MAX:g} s"
+    return rise[1]
+
+
+def edges_of(axes: list[Array]) -> list[Array]:
+    """Edges of the bins on each axis (x, or x and theta): multiples of one of WIDTHS.
+
+    Landings too far apart for WIDTHS get bins of twice, four times, ... the last of them.
+    """
+    coarser = (tuple(2.0**k * width for width in WIDTHS[-1]) for k in itertools.count(1))
+    for number, widths in enumerate(itertools.chain(WIDTHS, coarser)):
+        if any(np.ptp(v) > (MAX_BINS - 2) * w for v, w in zip(axes, widths, strict=False)):
+            continue
+        edges = [_multiples(v, w) for v, w in zip(axes, widths, strict=False)]
+        found = [places(e, v) for e, v in zip(edges, axes, strict=True)]
+        reached = np.unique(np.column_stack(found), axis=0)
+        if len(axes[0]) >= MIN_FILL * len(reached) or number >= len(WIDTHS) - 1:
+            break
+    return edges
+
+
+def _multiples(values: Array, width: float) -> Array:
+    """Multiples of `width` around all values, none of which is on the last by rounding."""
+    first = math.floor(float(values.min()) / width - 1e-9)
+    last = math.floor(float(values.max()) / width + 1e-9) + 1
+    return np.asarray(np.arange(first, last + 1) * width, dtype=np.float64)
 
 
 def margins(scene: Scene, manipulator: Manipulator, throws: Releases) -> Array:
@@ -37,32 +174,22 @@ def margins(scene: Scene, manipulator: Manipulator, throws: Releases) -> Array:
     of a coordinate's range over half the range, and friction (root of the ellipsoid) at full
     grip.
     """
-    limits, q, dq, ddq = manipulator.planning, throws.q, throws.dq, throws.ddq
-    end, stop, rate = _ahead(scene, manipulator, throws)
+    limits, sampler = manipulator.planning, ReleaseSampler(scene, manipulator)
+    q, dq, ddq = throws.q, throws.dq, throws.ddq
+    end, rate, stop = sampler.opened(q, dq, ddq)
     middle, half = (limits.q_max + limits.q_min) / 2, (limits.q_max - limits.q_min) / 2
     half = np.maximum(half, 1e-12)
     uses = [_velocity_use(limits, *state) for state in ((q, dq), (end, rate))]
     uses += [np.abs(ddq) / limits.ddq]
     uses += [np.abs(position - middle) / half for position in (q, end, stop)]
     most = np.max([use.max(axis=1) for use in uses], axis=0)
-    return np.asarray(
-        1.0 - np.maximum(most, ReleaseSampler(scene, manipulator).grip_use(q, dq, ddq))
-    )
+    return np.asarray(1.0 - np.maximum(most, sampler.grip_use(q, dq, ddq)))
 
 
 def _velocity_use(limits: Limits, q: Array, dq: Array) -> Array:
     """Velocities (N, n) over their limits at positions q (N, n)."""
     low, high = limits.velocity(q)
     return np.asarray(np.maximum(dq / np.maximum(high, 1e-9), dq / np.minimum(low, -1e-9)))
-
-
-def _ahead(scene: Scene, manipulator: Manipulator, throws: Releases) -> tuple[Array, Array, Array]:
-    """Coordinates (N, n) at the opening's end and after braking, and rates at its end."""
-    opening = scene.gripper.profile().opening
-    end = throws.q + throws.dq * opening + throws.ddq * opening**2 / 2
-    rate = throws.dq + throws.ddq * opening
-    braking = rate * np.abs(rate) / (2 * BRAKE_SHARE * manipulator.planning.ddq)
-    return end, end + braking, rate
 
 
 def chunks(
@@ -115,10 +242,10 @@ def _reached(scene: Scene, manipulator: Manipulator, throws: Releases) -> Flags:
 def _off_floor(scene: Scene, manipulator: Manipulator, throws: Releases) -> Flags:
     """Whether arm, hand and held bar (N,) are off the floor at all ends of the motion."""
     clear = np.ones(len(throws.q), dtype=bool)
-    workspace = scene.workspace
-    if workspace is None or workspace.floor is None or not clear.size:
+    floor = scene.bounds.floor
+    if floor is None or not clear.size:
         return clear
-    end, stop, _ = _ahead(scene, manipulator, throws)
+    end, _, stop = ReleaseSampler(scene, manipulator).opened(throws.q, throws.dq, throws.ddq)
     for q, holds in (
         (_start(manipulator, throws), True),
         (throws.q, True),
@@ -131,7 +258,7 @@ def _off_floor(scene: Scene, manipulator: Manipulator, throws: Releases) -> Flag
         if holds:
             bar = held_bar(scene, hand)
             lowest = np.minimum(lowest, lowest_of_bar(scene.object, bar))
-        clear &= lowest >= workspace.floor
+        clear &= lowest >= floor
     return clear
 
 

@@ -1,4 +1,4 @@
-"""Landing poses in reach: sampled throws, sorted into bins of x and theta.
+"""Landing poses in reach, in bins of x and theta: their words, files and picture.
 
 A bin has a landing if a sampled throw hit it; no plan is made for it. `benchmarks` plans to random
 places in such bins. Sampling may have missed an empty bin next to full ones.
@@ -7,28 +7,22 @@ places in such bins. Sampling may have missed an empty bin next to full ones.
 from __future__ import annotations
 
 import collections
-import dataclasses
-import itertools
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ...models import Array, ReadOnly
-from ...problems import InputError, Scene, as_scene, check_arguments, checked
+from ...problems import InputError, Scene, check_arguments
 from ...problems.files import filling
-from ..library import Library
-from ..ocp import CUP_MARGIN, FLIGHT_MAX
-from ..samples import highest, joined
-from ..search import check_start
-from ..throw import make_manipulator
-from ..verdict import lands_well
-from ..workers import Progress
-from .map_samples import allowed, cells_of, chunks, margins
-from .picture import MapPicture
+from ..show import BLACK, BLUE, RED, TEAL, new_figure, save
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.patheffects import AbstractPathEffect
 
 Counts = npt.NDArray[np.int64]
 
@@ -37,16 +31,8 @@ WIDTHS = tuple(
     (x, math.radians(degrees))
     for x, degrees in ((0.02, 5.0), (0.04, 10.0), (0.06, 15.0), (0.1, 22.5), (0.2, 45.0))
 )
-#: Fewest landings, on average, of a bin with a landing.
-MIN_FILL = 10.0
-#: Most bins on each axis.
-MAX_BINS = 400
-#: Most sampled states.
-MOST = 10_000_000
-#: Default number of sampled states.
-SAMPLES = 200_000
-#: Largest height and depth [m] of a map.
-FARTHEST = 1e4
+#: Lowest level [throws] of a contour line: one throw more would move a lower line far.
+MIN_LEVEL = 4.0
 #: Files of a map's folder.
 MAP_FILES = ("map.png", "map.npz")
 
@@ -177,8 +163,7 @@ class ReachMap(ReadOnly):
 
     def _target_words(self) -> str:
         """Whether the scene's target is in reach."""
-        target = self.scene.target
-        assert target is not None  # a scene with a map has one
+        target = self.scene.aim
         x, theta = target.plane_x, target.theta
         words = "middle of the " if target.is_region else ""
         words += f"target x {x:.4g} m" + (" in the throw's plane" if x != target.x else "")
@@ -202,152 +187,12 @@ class ReachMap(ReadOnly):
         if not self.reachable:
             raise InputError(f"{self.scene.place}: nothing to save, {self.message}")
         with filling(Path(folder), MAP_FILES) as scratch:
-            self._picture().draw(scratch / "map.png")
+            draw_map(self, scratch / "map.png")
             names = ("x_edges", "landings", "solutions", "margin", "x", "theta", "z", "samples")
             arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
             edges = np.empty(0) if self.theta_edges is None else self.theta_edges
             np.savez_compressed(scratch / "map.npz", theta_edges=edges, **arrays)
         return Path(folder) / "map.npz"
-
-    def _picture(self) -> MapPicture:
-        """The content of map.png."""
-        wide, angle = self.widths
-        size = f"{100 * wide:g} cm" + ("" if angle is None else f" × {math.degrees(angle):g}°")
-        cup = ", with the cup there" if self.scene.cup is not None else ""
-        title = (
-            f"{self.scene.name}: landing poses in reach at z = {self.z:g} m{cup}\n"
-            f"{self.x.size:,} landings of {self.samples:,} sampled states, bins of {size}; "
-            "blank: not hit"
-        )
-        target, number = self.scene.target, self.solutions.astype(float)
-        assert target is not None  # a scene with a map has one
-        bins = self.x_edges, self.theta_edges, self.margin, number
-        return MapPicture(title, *bins, self.solved, self.beyond, target, self.z)
-
-
-@check_arguments
-def reach_map(
-    scene: Scene | str | Path,
-    z: float | None = None,
-    samples: int = SAMPLES,
-    *,
-    progress: Progress | None = None,
-) -> ReachMap:
-    """The landing poses in reach of a scene at height `z` [m], by default the target's.
-
-    Equal arguments give equal maps. progress(done, samples) is called on the way. Raises
-    InputError for a scene that cannot be planned and for numbers out of range; if no throw lands at
-    the height, the map is empty and has a message.
-    """
-    scene = as_scene(scene)
-    check_map(z, samples)
-    manipulator = make_manipulator(scene)
-    check_start(scene, manipulator)
-    assert scene.target is not None  # checked by Scene, for all that have a manipulator
-    height = scene.target.z if z is None else float(z)
-    target = dataclasses.replace(scene.target, z=height)
-    aimed = scene.aimed_at(target)  # moves the cup along with the target
-    parts: list[tuple[Array, Array, Array, Counts]] = []
-    down, rise, done = 0, (-math.inf, ""), 0
-    for count, drawn in chunks(scene, manipulator, samples):
-        thrown = joined(*drawn)
-        x, theta, time = scene.flight.land(thrown.detach, height).T
-        landed = np.isfinite(time) & (time <= FLIGHT_MAX)
-        down += int(landed.sum())
-        if not down:
-            for part in drawn:
-                _, pose, words = highest(part, target, scene.flight)
-                rise = max(rise, (-math.inf if pose is None else pose.z, words))
-        thrown, x, theta, time = thrown.picked(landed), x[landed], theta[landed], time[landed]
-        good = allowed(scene, manipulator, thrown, time)
-        good &= lands_well(aimed, thrown.detach, np.column_stack([x, theta, time]), CUP_MARGIN)
-        thrown = thrown.picked(good)
-        rest = margins(scene, manipulator, thrown), cells_of(manipulator, thrown)
-        parts.append((x[good], theta[good], *rest))
-        done += count
-        if progress is not None:
-            progress(done, samples)
-    x, theta, margin, cells = (np.concatenate(rows) for rows in zip(*parts, strict=True))
-    empty = ReachMap(scene, height, samples, x=x, theta=theta)
-    library = Library(scene, manipulator)
-    if len(library):
-        beyond = library.records[library.records["boundary"]]
-        empty = dataclasses.replace(
-            empty,
-            solved=library.landings(height)[:2],
-            beyond=beyond["landing"].T.astype(float),
-            binding=tuple(name.decode() for name in beyond["binding"][:, 0]),
-        )
-    if not x.size:
-        return dataclasses.replace(empty, message=_why_nothing(height, down, rise))
-    return _binned(empty, margin, cells)
-
-
-def check_map(z: float | None, samples: int, prefix: str = "") -> None:
-    """InputError for numbers out of range; `prefix` as on the command line."""
-    checked(f"{prefix}z", z, float | None, {"least": -FARTHEST, "most": FARTHEST})
-    checked(f"{prefix}samples", samples, int, {"least": 1, "most": MOST})
-
-
-def _binned(found: ReachMap, margin: Array, cells: Counts) -> ReachMap:
-    """The map with its landings in bins, of theta only where the target has one.
-
-    margin (N,): of each landing; cells (N,): equal for throws that count as one.
-    """
-    x, theta, target = found.x, found.theta, found.scene.target
-    angle = target is not None and target.theta is not None
-    edges = edges_of([x, theta] if angle else [x])
-    theta_edges = edges[1] if angle else None
-    shape = (len(edges[0]) - 1, len(edges[1]) - 1 if angle else 1)
-    where = places(edges[0], x) * shape[1]
-    if angle:
-        where = where + places(edges[1], theta)
-    size = shape[0] * shape[1]
-    best = np.full(size, -np.inf)
-    np.maximum.at(best, where, margin)
-    different = np.unique(np.column_stack([where, cells]), axis=0)[:, 0]
-    return dataclasses.replace(
-        found,
-        x_edges=edges[0],
-        theta_edges=theta_edges,
-        landings=np.bincount(where, minlength=size).reshape(shape),
-        solutions=np.bincount(different, minlength=size).reshape(shape),
-        margin=np.where(np.isfinite(best), best, np.nan).reshape(shape),
-    )
-
-
-def _why_nothing(z: float, down: int, rise: tuple[float, str]) -> str:
-    """Why no throw was found; down: throws that land; rise: the highest apex [m], and words."""
-    if down:
-        kept = "keeps floor, base column, longest carry and the bounds of [landing]"
-        return f"no throw found: none of {down:,} sampled throws down to z {z:g} m {kept}"
-    if rise[0] > z:
-        return f"no throw found: none comes down through z {z:g} m within {FLIGHT_MAX:g} s"
-    return rise[1]
-
-
-def edges_of(axes: list[Array]) -> list[Array]:
-    """Edges of the bins on each axis (x, or x and theta): multiples of one of WIDTHS.
-
-    Landings too far apart for WIDTHS get bins of twice, four times, ... the last of them.
-    """
-    coarser = (tuple(2.0**k * width for width in WIDTHS[-1]) for k in itertools.count(1))
-    for number, widths in enumerate(itertools.chain(WIDTHS, coarser)):
-        if any(np.ptp(v) > (MAX_BINS - 2) * w for v, w in zip(axes, widths, strict=False)):
-            continue
-        edges = [_multiples(v, w) for v, w in zip(axes, widths, strict=False)]
-        found = [places(e, v) for e, v in zip(edges, axes, strict=True)]
-        reached = np.unique(np.column_stack(found), axis=0)
-        if len(axes[0]) >= MIN_FILL * len(reached) or number >= len(WIDTHS) - 1:
-            break
-    return edges
-
-
-def _multiples(values: Array, width: float) -> Array:
-    """Multiples of `width` around all values, none of which is on the last by rounding."""
-    first = math.floor(float(values.min()) / width - 1e-9)
-    last = math.floor(float(values.max()) / width + 1e-9) + 1
-    return np.asarray(np.arange(first, last + 1) * width, dtype=np.float64)
 
 
 def places(edges: Array, values: Array) -> Counts:
@@ -359,3 +204,130 @@ def place(edges: Array, value: float) -> int:
     """Index of a value's bin, -1 outside."""
     found = int(places(edges, np.array([value]))[0]) if math.isfinite(value) else -1
     return found if found < len(edges) - 1 else -1
+
+
+# Its picture.
+
+
+def draw_map(found: ReachMap, path: Path) -> None:
+    """Draws the map over x and theta, or over x alone if theta is open."""
+    if found.theta_edges is None:
+        _draw_line(found, path)
+    else:
+        _draw_plane(found, np.degrees(found.theta_edges), path)
+
+
+def _title(found: ReachMap) -> str:
+    """What the map says, of how many throws."""
+    wide, angle = found.widths
+    size = f"{100 * wide:g} cm" + ("" if angle is None else f" × {math.degrees(angle):g}°")
+    cup = ", with the cup there" if found.scene.cup is not None else ""
+    return (
+        f"{found.scene.name}: landing poses in reach at z = {found.z:g} m{cup}\n"
+        f"{found.x.size:,} landings of {found.samples:,} sampled states, bins of {size}; "
+        "blank: not hit"
+    )
+
+
+def _draw_plane(found: ReachMap, theta: Array, path: Path) -> None:
+    """The best margin per bin, contours of the number of throws, and the target."""
+    from matplotlib.ticker import MultipleLocator
+
+    figure = new_figure(9.5, 6.6)
+    axes = figure.subplots()
+    margin = 100 * found.margin.T
+    top = max(float(np.nanmax(margin)), 5.0)
+    colours: dict[str, Any] = {"cmap": "viridis", "vmin": 0.0, "vmax": top, "zorder": 1}
+    mesh = axes.pcolormesh(found.x_edges, theta, margin, rasterized=True, **colours)
+    figure.colorbar(mesh, ax=axes, pad=0.015, aspect=32, label="best margin to the limits [%]")
+    _contours(axes, found, theta)
+    _mark_library(axes, found)
+    _mark_target(axes, found, theta)
+    span = float(theta[-1] - theta[0])
+    step = next((s for s in (15, 30, 45, 90, 180, 360) if span <= 10 * s), 720)
+    axes.yaxis.set_major_locator(MultipleLocator(step))
+    axes.grid(alpha=0.3, lw=0.6, zorder=0)
+    axes.set(axisbelow=True, xlabel="landing x [m]", ylabel="landing θ [deg]")
+    axes.use_sticky_edges = False
+    axes.margins(0.02)
+    axes.set_title(_title(found), loc="left", fontsize=10)
+    figure.legend(loc="outside lower center", ncols=3, fontsize=9, frameon=False)
+    save(figure, path)
+
+
+def _contours(axes: Axes, found: ReachMap, theta: Array) -> None:
+    """Lines of equal number of different throws, smoothed over some bins, at the 3 top levels."""
+    from matplotlib.patheffects import withStroke
+    from scipy.ndimage import uniform_filter
+
+    number = found.solutions.astype(float)
+    for _ in range(3):
+        number = uniform_filter(number, 3, mode="constant")
+    decades = [10.0**k * m for k in range(6) for m in (1.0, 2.0, 5.0)]
+    levels = [level for level in decades if MIN_LEVEL <= level < 0.9 * number.max()][-3:]
+    if not levels or min(number.shape) < 4:
+        return
+    x, middle = ((edges[1:] + edges[:-1]) / 2 for edges in (found.x_edges, theta))
+    lines = axes.contour(x, middle, number.T, levels=levels, colors="white", linewidths=0.9)
+    # A dark rim, for where the lines pass over white.
+    rim: list[AbstractPathEffect] = [withStroke(linewidth=2.2, foreground=BLACK, alpha=0.55)]
+    (entry,) = axes.plot([], [], color="white", lw=1.2, label="number of different throws in a bin")
+    for artist in (lines, entry, *axes.clabel(lines, fmt="%g", fontsize=9, inline_spacing=3)):
+        artist.set_path_effects(rim)
+
+
+def _mark_library(axes: Axes, found: ReachMap) -> None:
+    """The library's throws, and the places that it found to be out of reach."""
+    dots: dict[str, Any] = {"s": 3, "lw": 0, "zorder": 3, "rasterized": True}
+    for (x, theta), colour, label in (
+        (found.solved, BLACK, "solved throws of the library"),
+        (found.beyond, RED, "found to be out of reach"),
+    ):
+        if x.size:
+            axes.scatter(x, np.degrees(theta), color=colour, label=label, **dots)
+
+
+def _mark_target(axes: Axes, found: ReachMap, theta: Array) -> None:
+    """The scene's target, hollow where the map is of another height; its other turns."""
+    target = found.scene.aim
+    assert target.theta is not None  # theta is an axis of this map
+    here = target.z == found.z
+    label = "target" if here else f"target's x and θ (it is at z = {target.z:g} m)"
+    face, edge = (RED, "white") if here else ("none", RED)
+    x, angle = target.plane_x, math.degrees(target.theta)
+    if target.is_region:
+        wide, high = target.half_widths[0], math.degrees(target.half_widths[1])
+        ends = [x - wide, x + wide, x + wide, x - wide, x - wide]
+        angles = [angle - high] * 2 + [angle + high] * 2 + [angle - high]
+        axes.plot(ends, angles, color=RED, lw=1.4, zorder=4)
+    mark: dict[str, Any] = {"ls": "", "zorder": 5, "clip_on": False}
+    axes.plot([x], [angle], "*", ms=17, mew=1.1, mfc=face, mec=edge, label=label, **mark)
+    others = [angle + 360 * k for k in range(-9, 10) if k]
+    others = [other for other in others if theta[0] < other < theta[-1]]
+    if others:
+        words = "the same a full turn away"
+        axes.plot([x] * len(others), others, "o", ms=8, mew=1.6, mfc="none", mec=RED, label=words)
+
+
+def _draw_line(found: ReachMap, path: Path) -> None:
+    """Margin and number of throws over x."""
+    figure = new_figure(9.5, 5.4)
+    target = found.scene.aim
+    words = "target" if target.z == found.z else f"target's x (it is at z = {target.z:g} m)"
+    above, below = figure.subplots(2, 1, sharex=True)
+    for axes, label, values, colour in (
+        (above, "best margin [%]", 100 * np.nan_to_num(found.margin[:, 0]), TEAL),
+        (below, "different throws in a bin", found.solutions[:, 0].astype(float), BLUE),
+    ):
+        axes.stairs(values, found.x_edges, fill=True, color=colour, alpha=0.75, lw=0)
+        axes.stairs(values, found.x_edges, color=colour, lw=1.2)
+        ends = {target.plane_x - target.half_widths[0], target.plane_x + target.half_widths[0]}
+        for number, x in enumerate(sorted(ends)):
+            axes.axvline(x, color=RED, lw=1.4, label=None if number else words)
+        axes.set(ylabel=label, axisbelow=True)
+        axes.set_ylim(bottom=0)
+        axes.grid(alpha=0.25)
+    above.legend(loc="upper left", fontsize=9)
+    below.set_xlabel("landing x [m]")
+    above.set_title(_title(found), loc="left", fontsize=10)
+    save(figure, path)

@@ -39,8 +39,7 @@ def load_mujoco(user: str = "[rest]") -> Any:
 
 def has_hand(scene: Scene) -> bool:
     """Whether the bar can hit the hand's body in this scene."""
-    workspace = scene.workspace
-    return scene.arm is not None and workspace is not None and workspace.palm_clearance is not None
+    return scene.arm is not None and scene.bounds.palm_clearance is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,10 +186,9 @@ def _add_around(spec: Any, scene: Scene) -> None:
     if scene.cup is not None:
         _add_cup(spec, scene.cup)
     for number, obstacle in enumerate(scene.obstacle):
-        assert scene.target is not None
         # Several obstacles may have one name.
         name = f"{number} obstacle {obstacle.name}"
-        _add_solid(spec, name, scene.target.plane.seen(obstacle.solid))
+        _add_solid(spec, name, scene.aim.plane.seen(obstacle.solid))
 
 
 def _add_solid(spec: Any, name: str, solid: Solid) -> None:
@@ -230,7 +228,7 @@ def _add_cup(spec: Any, cup: Cup) -> None:
 
 def _add_arm(spec: Any, scene: Scene) -> None:
     """The hand and the base column, if the scene keeps the bar off them."""
-    kinds, workspace = load_mujoco().mjtGeom, scene.workspace
+    kinds, bounds = load_mujoco().mjtGeom, scene.bounds
     if has_hand(scene):
         assert scene.arm is not None
         back, front = scene.arm.tool.palm_back, scene.arm.tool.palm_front
@@ -238,10 +236,10 @@ def _add_arm(spec: Any, scene: Scene) -> None:
         hand = spec.worldbody.add_body(name=HAND, mocap=True)
         place = [-(back + front) / 2, 0, 0]
         hand.add_geom(name=HAND, type=kinds.mjGEOM_BOX, size=size, pos=place)
-    if workspace is not None and workspace.column_radius and workspace.column_height:
-        half, target = workspace.column_height / 2, scene.target
+    if bounds.column_radius and bounds.column_height:
+        half, target = bounds.column_height / 2, scene.target
         # In the frame of a cup that moves, the column moves.
         place = [0, 0 if target is None else -target.lateral, half]
         column = spec.worldbody.add_body(name=COLUMN, mocap=True, pos=place)
-        kind, size = kinds.mjGEOM_CYLINDER, [workspace.column_radius, half, 0]
+        kind, size = kinds.mjGEOM_CYLINDER, [bounds.column_radius, half, 0]
         column.add_geom(name=COLUMN, type=kind, size=size)

@@ -203,11 +203,10 @@ def enters_cup(scene: Scene, cup: Cup, com: Array, axis: Array, up: Array) -> Fl
         ends = bar.capsules[:, :4].reshape(-1, 2) - [bar.com, 0.0]
         along, across = np.moveaxis(ends[_heights(bar, axis, up).argmin(axis=-1)], -1, 0)
         low = com + along[..., None] * axis + across[..., None] * up
-        near = np.hypot(low[..., 0] - cup.x, low[..., 1]) < cup.radius
-        return np.asarray((depth >= cup.insertion) & near)
-    lower = np.where(axis[..., 2] < 0, bar.length - bar.com, -bar.com)
-    end = com[..., :2] + lower[..., None] * axis[..., :2]
-    near = np.hypot(end[..., 0] - cup.x, end[..., 1]) < cup.radius
+    else:
+        lower = np.where(axis[..., 2] < 0, bar.length - bar.com, -bar.com)
+        low = com + lower[..., None] * axis
+    near = np.hypot(low[..., 0] - cup.x, low[..., 1]) < cup.radius
     return np.asarray((depth >= cup.insertion) & near)
 
 
@@ -225,8 +224,8 @@ def _is_lost(scene: Scene, com: Array) -> Flags:
 
 def _is_there(scene: Scene, com: Array, axis: Array, up: Array) -> Flags:
     """Flags (...) of the bars where [rest] wants the object; com, axis, up (..., 3)."""
-    rest, target = scene.rest, scene.target
-    assert rest is not None and target is not None
+    rest = scene.rest
+    assert rest is not None
     if rest.in_ is not None:
         assert scene.cup is not None
         return is_in_cup(scene, scene.cup, com, axis, up)
@@ -235,15 +234,14 @@ def _is_there(scene: Scene, com: Array, axis: Array, up: Array) -> Flags:
         lowest = _lowest(scene, com, axis, up)
         return np.asarray(over(com) & (lowest > height - _sunk(scene.object)))
     assert rest.within is not None
-    away = np.hypot(target.miss(com[..., 0], 0.0)[0], com[..., 1])
+    away = np.hypot(scene.aim.miss(com[..., 0], 0.0)[0], com[..., 1])
     return np.asarray(away <= rest.within)
 
 
 def _top(scene: Scene, name: str) -> tuple[float, Any]:
     """Height [m] of an obstacle's top, and whether CoMs (..., 3) are above the obstacle."""
-    assert scene.target is not None
     solid = next(one.solid for one in scene.obstacle if one.name == name)
-    solid = scene.target.plane.seen(solid)
+    solid = scene.aim.plane.seen(solid)
     height = float(solid.support(np.array([[0.0, 0.0, 1.0]]))[0])
 
     def over(com: Array) -> Flags:

@@ -44,12 +44,10 @@ def joint_samples(
     kinematics: PlanarArm, azimuth: float, samples: Samples
 ) -> tuple[Array, Array, Array]:
     """q, dq, ddq of all joints of the arm, each (N, joints), in the plane at `azimuth` [rad]."""
-    arm = kinematics.arm
-    throwing = [j - 1 for j in kinematics.throwing_joints]
-    q, dq, ddq = (np.zeros((len(samples.q), arm.joints)) for _ in range(3))
-    q[:] = arm.posture
-    q[:, arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
-    q[:, throwing], dq[:, throwing], ddq[:, throwing] = samples.q, samples.dq, samples.ddq
+    q = kinematics.all_joints(samples.q, azimuth)
+    dq, ddq = np.zeros_like(q), np.zeros_like(q)
+    throwing = [joint - 1 for joint in kinematics.throwing_joints]
+    dq[:, throwing], ddq[:, throwing] = samples.dq, samples.ddq
     return q, dq, ddq
 
 
@@ -87,12 +85,11 @@ class PlanPath(ReadOnly):
 
 def path_of(throw: Throw) -> PlanPath:
     """The throw every millisecond."""
-    line, kinematics = over_time(throw, TICK), throw.manipulator.kinematics
+    line, kinematics = over_time(throw), throw.manipulator.kinematics
     joints = None
     if isinstance(kinematics, PlanarArm):
-        at = throw.to_rest.at(line.times)
-        samples = Samples(at.pose.T, at.twist.T, at.acceleration.T)
-        joints = joint_samples(kinematics, throw.target.plane.azimuth, samples)[0]
+        moving = throw.to_rest.at(line.times).pose.T
+        joints = kinematics.all_joints(moving, throw.target.plane.azimuth)
     return PlanPath(line.times, line.com.T, line.hand.T, joints)
 
 

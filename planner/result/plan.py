@@ -266,7 +266,7 @@ class Plan:
         lines += [f"  warning: {finding.words}" for finding in self.verdict.warnings]
         if self.solved and scene.cup is not None and scene.rest is None:
             lines.append("  note: whether it stays in the cup is not looked at; [rest] does")
-        floor = None if scene.workspace is None else scene.workspace.floor
+        floor = scene.bounds.floor
         if floor is not None and self.target.z < floor:
             lines.append(
                 f"  note: the target is below the [workspace] floor at z {floor:g} m. Arm, hand "

@@ -149,13 +149,12 @@ def clears_thrown(
     asked.
     """
     clear = np.ones(len(q), dtype=bool)
-    workspace, arm = scene.workspace, scene.arm
-    palm = None if workspace is None else workspace.palm_clearance
+    palm, arm = scene.bounds.palm_clearance, scene.arm
     if arm is None or not clear.size or (palm is None and manipulator.capsules is None):
         return clear
     stop_time = np.abs(dq) / (BRAKE_SHARE * manipulator.planning.ddq) + 1e-9
     # A bar thrown up comes back, onto an arm at rest.
-    down = workspace.floor if workspace is not None and workspace.floor is not None else 0.0
+    down = 0.0 if scene.bounds.floor is None else scene.bounds.floor
     for t in (*PALM_TIMES, *LATE_TIMES):
         moving = np.minimum(t / stop_time, 1.0)
         there = (q + dq * stop_time * (moving - moving**2 / 2)).T

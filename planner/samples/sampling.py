@@ -120,8 +120,7 @@ class ReleaseSampler:
         if len(q) == 0:
             return Releases(q, dq, ddq, duration, np.zeros((0, 6)), np.zeros(0, bool))
         states = self.throw(q, dq, ddq)
-        opening = self.profile.opening
-        end, rate = q + opening * (dq + opening * ddq / 2), dq + opening * ddq
+        end, rate, _ = self.opened(q, dq, ddq)
         clear = clears_thrown(self.scene, self.manipulator, end, rate, states)
         path = run_up(self.manipulator, q, dq, ddq, duration[:, None])
         clear &= clears_carried(self.scene, self.manipulator, path, duration[:, None])
@@ -133,12 +132,16 @@ class ReleaseSampler:
         longer = needed * rng.uniform(1.3, 2.2, needed.size)
         return np.asarray(np.clip(longer, 0.12, self.scene.mesh.carry_max))
 
+    def opened(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
+        """Coordinates and rates (N, n) at the opening's end, and coordinates after braking."""
+        opening = self.profile.opening
+        end, rate = q + dq * opening + ddq * opening**2 / 2, dq + ddq * opening
+        braking = rate * np.abs(rate) / (2 * BRAKE_SHARE * self.manipulator.planning.ddq)
+        return end, rate, end + braking
+
     def within_limits(self, q: Array, dq: Array, ddq: Array, duration: Array) -> Flags:
         """Limits at the run-up's start, at both ends of the opening and after braking."""
-        limits, opening = self.manipulator.planning, self.profile.opening
-        end = q + dq * opening + ddq * opening**2 / 2
-        rate = dq + ddq * opening
-        stop = end + rate * np.abs(rate) / (2 * BRAKE_SHARE * limits.ddq)
+        limits, (end, rate, stop) = self.manipulator.planning, self.opened(q, dq, ddq)
         positions = [q, end, stop]
         if self.manipulator.start is None:
             positions.append(run_up(self.manipulator, q, dq, ddq, duration[:, None])[0])
@@ -170,19 +173,17 @@ class ReleaseSampler:
 
     def grip_use(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Friction use (N,) of the held bar under full grip; 1 slips."""
-        pose, twist, acceleration = (np.array(o) for o in self.manipulator.motion(q.T, dq.T, ddq.T))
-        hand = HandSamples(np.zeros(len(q)), pose, twist, acceleration)
-        return friction_use(self.scene, hand)
+        return friction_use(self.scene, self._hand(q, dq, ddq, 0.0))
 
     def can_hold(self, q: Array, dq: Array, ddq: Array) -> Flags:
         """Whether the full grip holds the bar at the opening's start, and it is off the floor."""
         keep = self.grip_use(q, dq, ddq) <= 1 - self.scene.gripper.sticking_margin
         pose = self._hand(q, dq, ddq, 0.0).pose
         theta = pose[2] + self.scene.grasp.angle
-        workspace = self.scene.workspace
-        if workspace is not None and workspace.floor is not None:
+        floor = self.scene.bounds.floor
+        if floor is not None:
             reach = self.scene.object.length - self.scene.grasp.offset
-            keep &= pose[1] + reach * np.sin(theta) > workspace.floor + self.scene.object.width / 2
+            keep &= pose[1] + reach * np.sin(theta) > floor + self.scene.object.width / 2
         return np.asarray(keep)
 
     def throw(self, q: Array, dq: Array, ddq: Array) -> Array:

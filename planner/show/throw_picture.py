@@ -100,9 +100,8 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     """Target, cup, floor, base column, and obstacles as the plane's side view shows them."""
     if scene.cup is not None:
         draw_cup(stage, scene.cup)
-    workspace = scene.workspace
-    if workspace is not None and workspace.floor is not None:
-        stage.axhline(workspace.floor, color="#b0a99f", lw=1, ls="--", zorder=1, label="floor")
+    if scene.bounds.floor is not None:
+        stage.axhline(scene.bounds.floor, color="#b0a99f", lw=1, ls="--", zorder=1, label="floor")
     if (column := column_of(scene)) is not None:
         radius, height = column
         sides, ends = [-radius, radius, radius, -radius], [0.0, 0.0, height, height]
@@ -134,8 +133,8 @@ def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None
         outlines.append(cup_profile(scene.cup))
     if (column := column_of(scene)) is not None:
         outlines.append(np.array([[-column[0], 0.0], column]))
-    if scene.workspace is not None and scene.workspace.floor is not None:
-        outlines.append(np.array([[low[0], scene.workspace.floor]]))
+    if scene.bounds.floor is not None:
+        outlines.append(np.array([[low[0], scene.bounds.floor]]))
     points = np.clip(np.vstack([*outlines, [low, high]]), low - 0.4, high + 0.4)
     low, high = points.min(axis=0) - 0.06, points.max(axis=0) + 0.06
     stage.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="z [m]")

@@ -12,6 +12,7 @@ from ...models import Array, HandMotion, Indices, pivot_wrench
 from ...models.robot import PlanarArm
 from ..clearance import bar_outline, held_bar
 from ..rest import rest_motion
+from ..throw import TICK
 from .style import PHASES
 
 if TYPE_CHECKING:
@@ -60,8 +61,8 @@ class Timeline:
         return everything.min(axis=1), everything.max(axis=1)
 
 
-def timeline(throw: Throw, step: float = 0.001) -> Timeline:
-    """The throw every `step` seconds from rest to landing; for a scene with [rest] until it rests.
+def timeline(throw: Throw) -> Timeline:
+    """The throw every millisecond from rest to landing; for a scene with [rest] until it rests.
 
     A target that moves is followed to the landing only.
     """
@@ -71,7 +72,7 @@ def timeline(throw: Throw, step: float = 0.001) -> Timeline:
     if scene.rest is not None and not throw.target.speed and throw.lands:
         after = rest_motion(scene, throw.deciding.landing.start)
     end = landing if after is None else max(landing, detach + after.times[-1])
-    times = np.arange(0.0, end + step / 2, step)
+    times = np.arange(0.0, end + TICK / 2, TICK)
     pose, twist, acceleration = throw.manipulator.hand(throw.to_rest).at(times)
     com, rate, phase = _object(throw, times, pose, twist)
     if after is not None:

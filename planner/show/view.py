@@ -1,22 +1,23 @@
-"""The 3-D view of a throw: its viser scene."""
+"""The 3-D view of a throw: its viser scene; the object as triangles."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
-from ...models import Array
-from ...models.robot import Arm, DHRow, placement
-from .object_mesh import half_thickness, object_mesh
+from ...models import Array, Indices
+from ...models.robot import Arm, DHRow, placement, segment_distance
+from ...problems.meshes import read_stl
 from .style import ARM, BLACK, PHASES
 from .view_throw import SpaceThrow
 
 if TYPE_CHECKING:
-    from ...problems import Pose
+    from ...problems import Pose, Scene, ThrownObject
 
 
 #: Colour of links.
@@ -257,9 +258,8 @@ class View(ObjectView):
         from trimesh.creation import box, capsule
 
         scene = self.throw.scene
-        workspace = scene.workspace
-        if workspace is not None and workspace.column_radius is not None:
-            radius, height = workspace.column_radius, workspace.column_height or 0.0
+        radius, height = scene.bounds.column_radius, scene.bounds.column_height
+        if radius is not None and height is not None:
             glass: dict[str, Any] = {"opacity": 0.25, "cast_shadow": False}
             at = (0.0, 0.0, height / 2)
             self.scene.add_cylinder("/column", radius, height, rgb("#c9c2b8"), position=at, **glass)
@@ -278,8 +278,8 @@ class View(ObjectView):
         """The floor: the scene's, or below all that is shown, where an arm may stand on it."""
         scene, lowest = self.throw.scene, float(self.throw.extent()[0][1])
         floor = 0.0 if scene.arm is not None and lowest >= 0.0 else lowest - 0.05
-        if scene.workspace is not None and scene.workspace.floor is not None:
-            floor = scene.workspace.floor
+        if scene.bounds.floor is not None:
+            floor = scene.bounds.floor
         # It does not rise again: it would move with every target.
         if floor < self.floor:
             self.floor = floor
@@ -322,3 +322,39 @@ def put(node: Any, pose: Array) -> None:
 
     node.position = pose[:3, 3]
     node.wxyz = Rotation.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
+
+
+def object_mesh(thrown: ThrownObject) -> tuple[Array, Indices]:
+    """Vertices (N, 3) [m] and faces (F, 3) of an object's mesh, or without one of its outline.
+
+    In the frame of its CoM that pictures use: along the axis, up, and to its right.
+    """
+    if thrown.mesh is not None:
+        points = read_stl(Path(thrown.mesh)).reshape(-1, 3)
+    else:
+        points = np.concatenate([_capsule(row) for row in thrown.capsules])
+    points = points - [thrown.com, 0.0, 0.0]
+    return points[:, [0, 2, 1]] * [1.0, 1.0, -1.0], np.arange(len(points)).reshape(-1, 3)
+
+
+def _capsule(row: Array) -> Array:
+    """Corners (3 F, 3) of the triangles of a capsule of an outline."""
+    from trimesh.creation import icosphere
+
+    ball = icosphere(2, row[4])
+    begin, end = (np.insert(row[i : i + 2], 1, 0.0) for i in (0, 2))
+    # The half of a ball towards either end: stretched between them.
+    ahead = ball.vertices @ (end - begin) >= 0.0
+    return np.asarray((ball.vertices + np.where(ahead[:, None], end, begin))[ball.faces.ravel()])
+
+
+def half_thickness(scene: Scene) -> float:
+    """Half the thickness [m] of the object between the pads."""
+    bar = scene.object
+    if not bar.outline:
+        return bar.width / 2
+    grasp = np.array([scene.grasp.offset, 0.0, 0.0])
+    ends = np.insert(bar.capsules[:, :4].reshape(-1, 2, 2), 2, 0.0, axis=2)
+    point = np.broadcast_to(grasp, (len(ends), 3))
+    away = segment_distance(point, point, ends[:, 0], ends[:, 1])
+    return float(bar.capsules[np.argmin(away - bar.capsules[:, 4]), 4])

@@ -99,12 +99,9 @@ def space_throw(throw: Throw) -> SpaceThrow:
 
 def _joint_frames(throw: Throw, kinematics: PlanarArm, times: Array) -> Array:
     """The arm's frames (N, n, 4, 4) after each joint."""
-    arm = kinematics.arm
-    moving = throw.path.at(times).pose
-    joints = np.tile(np.array(arm.posture)[:, None], (1, len(times)))
-    joints[arm.azimuth_joint - 1] = arm.azimuth_angle(throw.target.plane.azimuth)
-    joints[[j - 1 for j in kinematics.throwing_joints]] = moving
+    arm, moving = kinematics.arm, throw.path.at(times).pose.T
+    joints = kinematics.all_joints(moving, throw.target.plane.azimuth)
     q = ca.SX.sym("q", arm.joints)
     function = ca.Function("frames", [q], [ca.horzcat(*arm.frames(q)[: arm.joints])])
-    values = np.array(function.map(len(times))(joints))
+    values = np.array(function.map(len(times))(joints.T))
     return values.reshape(4, len(times), arm.joints, 4).transpose(1, 2, 0, 3)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,6 +43,15 @@ class Samples(ReadOnly):
         found = cls(*rows)
         vars(found)["path"] = Trajectory(times, quintics, kinks, held=True)
         return found
+
+    def __getitem__(self, which: Any) -> Samples:
+        """Some of the samples, or of their coordinates, as of an array (N, n)."""
+        return Samples(self.q[which], self.dq[which], self.ddq[which])
+
+    @property
+    def rows(self) -> Array:
+        """Coordinates, rates and accelerations (3, N, n)."""
+        return np.array([self.q, self.dq, self.ddq])
 
     @property
     def times(self) -> Array:

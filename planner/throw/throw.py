@@ -113,8 +113,7 @@ class Throw:
     @property
     def target(self) -> Pose:
         """The target of the scene."""
-        assert self.scene.target is not None
-        return self.scene.target
+        return self.scene.aim
 
     @cached_property
     def release(self) -> Release:
@@ -309,21 +308,19 @@ def column_of(scene: Scene) -> tuple[float, float] | None:
 
     None without a column, and for an arm that throws beside it.
     """
-    workspace, target = scene.workspace, scene.target
-    if workspace is None or workspace.column_radius is None or workspace.column_height is None:
+    radius, height = scene.bounds.column_radius, scene.bounds.column_height
+    if radius is None or height is None:
         return None
-    lateral = 0.0 if target is None else abs(target.lateral)
+    lateral = 0.0 if scene.target is None else abs(scene.target.lateral)
     beside = max(lateral - scene.object.width / 2, 0.0)
-    if beside >= workspace.column_radius:
-        return None
-    return math.sqrt(workspace.column_radius**2 - beside**2), workspace.column_height
+    return None if beside >= radius else (math.sqrt(radius**2 - beside**2), height)
 
 
 def core_scene(scene: Scene, hand_error: float) -> SceneC:
     """The scene's data for measures by the compiled core; hand_error [rad]: of the hand's angle."""
     bar, body, patch, cup, arm = scene.object, scene.body, scene.patch, scene.cup, scene.arm
     limit = patch.force_limit(scene.gripper.profile().full)
-    workspace, column = scene.workspace, column_of(scene)
+    column, room = column_of(scene), scene.bounds.palm_clearance
     found = SceneC(
         gravity=scene.gravity,
         mass=body.mass,
@@ -353,8 +350,8 @@ def core_scene(scene: Scene, hand_error: float) -> SceneC:
         tool = arm.tool
         found.palm_back, found.palm_front = tool.palm_back, tool.palm_front
         found.palm_half_width = tool.palm_half_width
-        if workspace is not None and workspace.palm_clearance is not None:
-            found.palm_clearance = workspace.palm_clearance
+        if room is not None:
+            found.palm_clearance = room
         if scene.tool_speed is not None:
             found.tool_length = tool.tcp
     if cup is not None:

@@ -120,6 +120,5 @@ def arm_excesses(arm: Arm, sent: Samples) -> list[Excess]:
     found = list[Excess]()
     # Joint by joint: an arm may have more joints than the core takes at once.
     for j in range(arm.joints):
-        part = Samples(*(rows[:, j : j + 1] for rows in (sent.q, sent.dq, sent.ddq)))
-        found += joint_excesses(joint_limits(arm, [j + 1]), (f"joint {j + 1}",), part)
+        found += joint_excesses(joint_limits(arm, [j + 1]), (f"joint {j + 1}",), sent[:, j : j + 1])
     return found

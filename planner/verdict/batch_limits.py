@@ -237,8 +237,8 @@ class MotionLimits:
         the required clearance; com (3, K): their poses at `times` (K,) [s]."""
         throw, scene = self.batch.throw, self.batch.scene
         clearance = bar_room(throw, times, com, flying=False)
-        if scene.workspace is not None and scene.workspace.floor is not None:
-            height = lowest_of_bar(scene.object, com) - scene.workspace.floor
+        if scene.bounds.floor is not None:
+            height = lowest_of_bar(scene.object, com) - scene.bounds.floor
             clearance = np.minimum(clearance, height)
         column = column_of(scene)
         if column is not None:
@@ -277,11 +277,10 @@ class MotionLimits:
         shared = self.batch.throw.core
         core.measure_flights(shared, self._reference, len(rows), rows, measured)
         column, palm, palm_time, cup, near = measured.T
-        workspace = scene.workspace
         if column_of(scene) is not None:
             add(Code.COLUMN, every, column, 0.0, column < -NEAR)
-        if workspace is not None and workspace.palm_clearance is not None:
-            add(Code.PALM, every, palm, workspace.palm_clearance, np.isfinite(palm_time))
+        if scene.bounds.palm_clearance is not None:
+            add(Code.PALM, every, palm, scene.bounds.palm_clearance, np.isfinite(palm_time))
         if scene.cup is not None:
             least, into = least_cup_clearance(scene.cup), np.isfinite(cup)
             add(Code.CUP_MISSED, every, np.full(lands.size, np.inf), 0.0, ~into)
@@ -320,12 +319,12 @@ class MotionLimits:
         count = math.ceil((end - begin) / (WINDOW * TICK))
         times = np.asarray(begin + TICK * np.arange(count * WINDOW + 1), float)
         com = throw.flight(times - throw.detach_time)
-        column, workspace = column_of(scene), scene.workspace
+        column, room = column_of(scene), scene.bounds.palm_clearance
         clearances = dict.fromkeys(("palm", "column"), np.full(times.size, np.inf))
         clearances["bodies"] = bar_room(throw, times, com, flying=True)
-        if workspace is not None and workspace.palm_clearance is not None and scene.arm is not None:
+        if room is not None and scene.arm is not None:
             away = palm_distance(scene.object, scene.arm.tool, com, throw.hand(times).pose)
-            clearances["palm"] = away - workspace.palm_clearance
+            clearances["palm"] = away - room
         if column is not None:
             clearances["column"] = column_distance(scene.object, com, *column)
         reference = ReferenceC(begin=begin, step=WINDOW * TICK, n=count)

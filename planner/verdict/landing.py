@@ -104,8 +104,7 @@ def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -
     detach (N, 6): CoM pose and twist; landing (N, 3): x, theta and flight time at the height of the
     scene's target; more [m]: clearance in the cup beyond the scene's.
     """
-    target, (x, theta, time) = scene.target, landing.T
-    assert target is not None
+    target, (x, theta, time) = scene.aim, landing.T
     at = scene.flight.after(FlightState(*detach.T), time)
     end = x, np.full(len(x), target.z), theta, at.v_x, at.v_z, at.omega
     uses = landing_uses(scene, target, LandingStates(0.0 * x, 0.0 * x, detach.T, end, -np.inf))

@@ -10,10 +10,10 @@ import numpy as np
 from ...models import Array
 from ...problems import Rest, Scene
 from ..rest import entry_states, roll_to_rest
-from ..throw import Throw, ThrowBatch
+from ..throw import Throw
 from .batch import Judge
 from .findings import Code, Finding
-from .uncertainty import HALF_CELL, sampler_of
+from .uncertainty import HALF_CELL, sample_throws
 
 #: Throws that a plan's count samples.
 COUNTED = 64
@@ -111,13 +111,9 @@ class Entries:
     @classmethod
     def sampled(cls, throw: Throw, count: int = COUNTED, seed: int = REPORTED) -> Entries:
         """`count` samples of a throw's [uncertainty]; without it only the contacts vary."""
-        sampler = sampler_of(throw.scene, seed)
-        early, late, longest = sampler.openings(throw.scene)
-        reach = min(early, 0.0), max(late, 0.0), longest
-        batch = ThrowBatch.of(throw, throw.target, sampler.names, reach)
-        values = batch.nominal(count)
-        if throw.scene.uncertainty is not None:
-            values = sampler.draw(0, count)
+        batch, values = sample_throws(throw, throw.target, count, seed)
+        if throw.scene.uncertainty is None:
+            values = batch.nominal(count)
         return cls.of(Judge(batch), values, seed)
 
     def count(self, scene: Scene) -> RestCount:
@@ -136,14 +132,14 @@ class Entries:
         )
 
 
-def count_rests(throw: Throw, count: int = COUNTED, seed: int = REPORTED) -> RestCount | None:
+def count_rests(throw: Throw, seed: int = REPORTED) -> RestCount | None:
     """The count over samples of a throw's uncertain parameters and contacts.
 
     None without [rest]; InputError without MuJoCo.
     """
     if throw.scene.rest is None:
         return None
-    return Entries.sampled(throw, count, seed).count(throw.scene)
+    return Entries.sampled(throw, seed=seed).count(throw.scene)
 
 
 def _shares(count: int, seed: int) -> Array:

@@ -171,15 +171,15 @@ def _torque(throw: Throw) -> Iterator[Finding]:
 
 
 def _floor(throw: Throw) -> Iterator[Finding]:
-    workspace, measured = throw.scene.workspace, throw.measured
-    if workspace is None or workspace.floor is None:
+    floor, measured = throw.scene.bounds.floor, throw.measured
+    if floor is None:
         return
     for body, lowest in (
         ("hand" if throw.scene.arm is None else "arm", measured.arm),
         (BAR, measured.held),
     ):
-        if workspace.floor - lowest.value > NEAR:
-            yield Finding(Code.FLOOR, lowest.value, workspace.floor, lowest.time, body)
+        if floor - lowest.value > NEAR:
+            yield Finding(Code.FLOOR, lowest.value, floor, lowest.time, body)
 
 
 def _column(throw: Throw) -> Iterator[Finding]:
@@ -192,10 +192,10 @@ def _column(throw: Throw) -> Iterator[Finding]:
 
 
 def _palm(throw: Throw) -> Iterator[Finding]:
-    workspace, first = throw.scene.workspace, throw.measured.palm_time
-    if math.isfinite(first) and workspace is not None and workspace.palm_clearance is not None:
+    room, first = throw.scene.bounds.palm_clearance, throw.measured.palm_time
+    if math.isfinite(first) and room is not None:
         least, when = throw.measured.palm.value, throw.detach_time + first
-        yield Finding(Code.PALM, least, workspace.palm_clearance, when, FLYING)
+        yield Finding(Code.PALM, least, room, when, FLYING)
 
 
 def _cup(throw: Throw) -> Iterator[Finding]:

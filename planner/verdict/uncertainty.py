@@ -99,11 +99,11 @@ class Sampler(ReadOnly):
 def sampler_of(scene: Scene, seed: int) -> Sampler:
     """Draws of the scene's [uncertainty], or of the default one."""
     section = scene.uncertainty or Uncertainty.USUAL
-    names, values, ranges = section.names, scene.values, scene.ranges
+    spreads, ranges = section.about(scene.values), scene.ranges
     return Sampler(
-        names,
-        tuple(getattr(section, name).about(values[name]) for name in names),
-        tuple(ranges[name] for name in names),
+        section.names,
+        tuple(spreads.values()),
+        tuple(ranges[name] for name in spreads),
         np.asarray(np.linalg.cholesky(section.matrix), float) if section.correlation else None,
         seed,
     )
@@ -183,7 +183,7 @@ def _reserves(throw: Throw, target: Pose) -> Iterator[Finding]:
     scene = throw.scene
     if scene.uncertainty is None:
         return
-    batch, values = _sample_throws(throw.in_scene(scene.without_clearances()), target)
+    batch, values = sample_throws(throw.in_scene(scene.without_clearances()), target)
     judged = Judge(batch).verdicts(values)
     for code in RESERVED:
         share = float(np.mean(judged.breaks(code)))
@@ -196,12 +196,14 @@ def _reserves(throw: Throw, target: Pose) -> Iterator[Finding]:
             yield Finding(Code.UNCERTAIN, share, 0.0, body=code.value, broken=False, note=note)
 
 
-def _sample_throws(throw: Throw, target: Pose) -> tuple[ThrowBatch, Array]:
-    """Throws of one motion, and the values (N, P) of the scene's uncertain parameters."""
-    sampler = sampler_of(throw.scene, 0)
+def sample_throws(
+    throw: Throw, target: Pose, count: int = SAMPLES, seed: int = 0
+) -> tuple[ThrowBatch, Array]:
+    """Throws of one motion, and the values (count, P) of the scene's uncertain parameters."""
+    sampler = sampler_of(throw.scene, seed)
     early, late, longest = sampler.openings(throw.scene)
     reach = min(early, 0.0), max(late, 0.0), longest
-    return ThrowBatch.of(throw, target, sampler.names, reach), sampler.draw(0, SAMPLES)
+    return ThrowBatch.of(throw, target, sampler.names, reach), sampler.draw(0, count)
 
 
 def landing_spread(throw: Throw, target: Pose) -> float:
@@ -210,7 +212,7 @@ def landing_spread(throw: Throw, target: Pose) -> float:
 
     target: theta counts if it fixes it.
     """
-    batch, values = _sample_throws(throw, target)
+    batch, values = sample_throws(throw, target)
     change = batch.fly(values).landing - batch.fly(batch.nominal()).landing
     turn = 0.0 if target.theta is None else change[:, 1]
     errors = throw.scene.object.pose_error(change[:, 0], turn)

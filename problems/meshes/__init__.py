@@ -4,6 +4,13 @@
 object's own frame, are read without it.
 """
 
-from .body import MeshChoices, MeshObject, object_from, object_text, read_mesh
+from .body import (
+    MeshChoices,
+    MeshObject,
+    object_from,
+    object_text,
+    read_mesh,
+    read_stl,
+    stl_bytes,
+)
 from .capsules import mesh_parts
-from .stl import read_stl, stl_bytes

@@ -47,11 +47,12 @@ def played(
     return updates, session.throw.samples, follow(session.throw.samples.q)
 
 
-def miss(session: Session, goal: tp.Pose) -> tuple[float, float]:
-    """How far what was sent lands from a pose, thrown as any plan."""
+def check_hit(session: Session, goal: tp.Pose) -> None:
+    """What was sent lands on a pose, thrown as any plan."""
     throw = dataclasses.replace(session.throw, scene=session.throw.scene.aimed_at(goal))
     assert throw.release.trouble == ""
-    return throw.miss(goal)
+    (dx, dtheta), tolerance = throw.miss(goal), throw.scene.tolerance
+    assert abs(dx) < tolerance.position / 2 and abs(dtheta) < tolerance.angle / 2
 
 
 @pytest.mark.parametrize(("jump", "turn"), [(0.06, 0.0), (-0.05, 0.2), (0.0, -0.3)])
@@ -59,9 +60,7 @@ def test_a_target_that_jumps_is_hit(pose_planner, plan, jump, turn) -> None:
     session, target = pose_planner.follow(plan, HORIZON), plan.target
     there = target.changed(x=target.x + jump, theta=target.theta + turn)
     updates, *_ = played(session, lambda t: target if t < 0.04 else there)
-    dx, dtheta = miss(session, there)
-    assert abs(dx) < plan.scene.tolerance.position / 2
-    assert abs(dtheta) < plan.scene.tolerance.angle / 2
+    check_hit(session, there)
     assert "followed" in {update.status for update in updates}
     assert updates[-1].command_time == plan.throw.deciding.command_time
 
@@ -79,9 +78,7 @@ def test_a_target_that_speeds_up_is_hit_where_it_then_is(pose_planner) -> None:
 
     played(session, seen)
     there = plan.target.changed(x=where(session.throw.landing_time), velocity=None)
-    dx, dtheta = miss(session, there)
-    assert abs(dx) < plan.scene.tolerance.position / 2
-    assert abs(dtheta) < plan.scene.tolerance.angle / 2
+    check_hit(session, there)
 
 
 def test_a_target_that_leaves_the_reach_stops_the_swing(pose_planner, plan) -> None:

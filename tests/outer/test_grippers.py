@@ -135,15 +135,16 @@ def test_measuring_needs_a_robot_a_new_file_and_somebody_to_ask(tmp_path, refuse
 # Watched.
 
 
-def within_limits(sent: np.ndarray, motion: JointMotion) -> bool:
-    """Whether joints (N, 7) sent each millisecond keep the arm's limits, from rest to rest."""
-    limits, values = motion.arm.limits, sent
+def sent_whole(franka, motion: JointMotion) -> np.ndarray:
+    """The joints (N, 7) sent each millisecond, within the arm's limits, from rest to rest."""
+    limits = motion.arm.limits
+    values = sent = np.array(franka.robot.sent)
     for most in (limits.velocity, limits.acceleration, limits.jerk):
         values = np.diff(values, axis=0) / TICK
-        if (np.abs(values) > np.array(most) * (1 + 1e-6)).any():
-            return False
-    ends = np.diff(sent[:2], axis=0), np.diff(sent[-2:], axis=0)
-    return bool(np.abs(ends).max() < 1e-6)
+        assert (np.abs(values) <= np.array(most) * (1 + 1e-6)).all()
+    assert np.abs([np.diff(sent[:2], axis=0), np.diff(sent[-2:], axis=0)]).max() < 1e-6
+    assert franka.robot.finished
+    return sent
 
 
 def one_throw(franka, motion):
@@ -162,8 +163,7 @@ def test_a_gripper_that_does_not_open_ends_the_throws_at_rest(motion) -> None:
     (recording,), _ = one_throw(franka, motion)
     assert "did not open: 20 mm wide" in recording.trouble and "\n" not in recording.trouble
     assert [command for command, _ in franka.gripper.orders] == ["move"]
-    sent = np.array(franka.robot.sent)
-    assert within_limits(sent, motion) and franka.robot.finished
+    sent = sent_whole(franka, motion)
     assert sent[-1] == pytest.approx(motion.q[-1])
 
 
@@ -176,8 +176,7 @@ def test_an_object_lost_on_the_way_stops_the_arm_by_a_brake(motion) -> None:
         assert recording.trouble.startswith("the object was lost 0.")
         assert "\n" not in recording.trouble
         assert not franka.gripper.orders and math.isnan(recording.command_time)
-        sent = np.array(franka.robot.sent)
-        assert within_limits(sent, motion) and franka.robot.finished
+        sent = sent_whole(franka, motion)
         assert np.abs(sent[-1] - motion.q[-1]).max() > 0.01
         assert len(recording.times) < len(motion.times)
 
@@ -213,8 +212,7 @@ def test_a_gripper_that_fails_leaves_no_arm_in_motion(motion, monkeypatch, after
         (recording,), _ = one_throw(franka, motion)
         assert "the connection ended" in recording.trouble and "\n" not in recording.trouble
         assert math.isnan(recording.command_time) == brakes == (not franka.gripper.orders)
-    sent = np.array(franka.robot.sent)
-    assert within_limits(sent, motion) and franka.robot.finished
+    sent_whole(franka, motion)
 
 
 def test_an_object_lost_while_one_is_asked_is_not_thrown(motion) -> None:
@@ -241,8 +239,7 @@ def test_a_rehearsal_opens_nothing_and_is_slow(motion) -> None:
     franka, asked = simulated(holds=False), list[str]()
     recording = rehearse(franka, motion, motion, asked.append)
     assert not franka.gripper.orders and (recording.width == 0.02).all()
-    sent = np.array(franka.robot.sent)
-    assert within_limits(sent, motion) and franka.robot.finished
+    sent = sent_whole(franka, motion)
     # Along the same path, slower by one factor.
     slow = recording.sent[: -(len(recording.sent) // 20)]
     way = np.abs(motion.q[:, None, :] - slow[None, ::50, :]).max(axis=2).min(axis=0)

@@ -58,11 +58,11 @@ class Floor(SceneConstraint):
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For a scene with a floor."""
-        workspace, arm, refinement = request.scene.workspace, request.scene.arm, request.refinement
-        if workspace is None or workspace.floor is None:
+        floor, arm, refinement = request.scene.bounds.floor, request.scene.arm, request.refinement
+        if floor is None:
             return None
         values = {
-            "floor": workspace.floor + SETTINGS.held_margin,
+            "floor": floor + SETTINGS.held_margin,
             "held_margin": refinement.margins["held"],
         }
         if arm is not None:
@@ -186,12 +186,12 @@ class Palm(SceneConstraint):
     def of(cls, request: Request) -> Self | None:
         """As a lazy constraint of a scene with a clearance to the hand's body, which grows by the
         clearance and half the bar's width."""
-        workspace, arm = request.scene.workspace, request.scene.arm
+        clearance, arm = request.scene.bounds.palm_clearance, request.scene.arm
         lazy = request.refinement.lazy & {"flight", "return"}
-        if not lazy or workspace is None or workspace.palm_clearance is None or arm is None:
+        if not lazy or clearance is None or arm is None:
             return None
         # An outline has radii of its own.
-        bar, margin = request.scene.object, SETTINGS.palm_margin + workspace.palm_clearance
+        bar, margin = request.scene.object, SETTINGS.palm_margin + clearance
         margin += (0.0 if bar.outline else bar.width / 2) + request.refinement.margins["palm"]
         values = {
             "palm_back": arm.tool.palm_back + margin,
