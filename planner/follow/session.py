@@ -368,15 +368,8 @@ class Session:
     def _brake_to_rest(self, first: int) -> str:
         """Brakes from sample `first` on; why it must not, in words."""
         throw = self.throw
-<<<<<<< HEAD
-        old, scene, manipulator = throw.samples, throw.scene, throw.manipulator
-        upto = slice(0, first + 1)
-        samples = braked(manipulator.hard, Samples(old.q[upto], old.dq[upto], old.ddq[upto]))
-        judged = held_verdict(scene, manipulator, samples, first)
-=======
-        samples = braked(throw.manipulator, throw.samples[: first + 1])
+        samples = braked(throw.manipulator.hard, throw.samples[: first + 1])
         judged = held_verdict(throw.scene, throw.manipulator, samples, first)
->>>>>>> less
         if not judged.ok:
             return f"it cannot stop: {judged.broken[0].words}"
         self.throw = dataclasses.replace(throw, path=samples.path, samples=samples)
