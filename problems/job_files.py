@@ -22,6 +22,8 @@ MOST_PICKS, MOST_BINS = 100, 100
 #: Sections of a scene that a pick, and a bin, may have for itself.
 PICK_SECTIONS = ("object", "contact", "grasp")
 BIN_SECTIONS = ("target", "cup", "landing", "tolerance")
+#: Sections of a scene that only a plan of one throw follows.
+SINGLE_SECTIONS = ("rest", "choice", "robust")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,6 +179,8 @@ class Jobs(JobKeys):
         table = self.base | one.sections | own | {"name": self.name}
         scene = scene_from_table(table)
         scene.check_target_in_cup()
+        if scene.target is not None and scene.target.arrival is not None:
+            raise InputError("[target] arrival: a cycle throws as soon as it can: leave it out")
         return scene if scene.cost is not None else scene.replace(cost=Cost().fast)
 
 
@@ -247,9 +251,13 @@ def _base(name: str, folder: Path | None) -> tuple[dict[str, Any], Arm]:
         scene = load_scene(path)
         if scene.robot is None or scene.arm is None:
             raise InputError("has no [robot]: a cycle needs an arm")
-    table = scene.table()
+        table, mistakes = scene.table(), Mistakes()
+        for key in SINGLE_SECTIONS:
+            if key in table:
+                mistakes.lines.append(f"[{key}]: only a plan of one throw follows it: leave it out")
+        mistakes.refuse()
     table["robot"] = {key: v for key, v in table["robot"].items() if key != "start_deg"}
-    for key in ("target", "cup", "landing", "rest", "choice", "robust", "description"):
+    for key in ("target", "cup", "landing", "description"):
         table.pop(key, None)
     return table, scene.arm
 

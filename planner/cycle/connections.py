@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -38,6 +39,7 @@ SHARES = (
         (0.9, 0.8),
     ),
     *((0.8, 0.8), (0.7, 0.6), (1.0, 0.6), (0.6, 0.45), (0.5, 0.3), (0.4, 0.2), (0.3, 0.1)),
+    *((0.3, 0.05), (0.2, 0.02)),
 )
 
 
@@ -128,7 +130,7 @@ class Connection:
         self._options = sorted(options, key=lambda option: option.duration)
         self._raised: Callable[[], Iterator[Option]] | None = raised
         self._judge, self._is_judged = judge, False
-        #: Why the fastest motion was refused.
+        #: Why the slowest motion that was judged was refused.
         self.trouble = ""
         self._fill()
 
@@ -154,7 +156,7 @@ class Connection:
             broken = self._judge(self.best)
             self._is_judged = broken is None
             if broken is not None:
-                self.trouble = self.trouble or broken.words
+                self.trouble = broken.words
                 self._refuse(self._options.pop(0), broken)
                 self._fill()
         return self.time == before
@@ -216,8 +218,25 @@ def rows_of(samples: Samples) -> tuple[Array, Array, Array]:
     return samples.q, samples.dq, samples.ddq
 
 
+def _after_brake(one: CycleThrow, goal: State) -> Iterator[Option]:
+    """Motions that stop after the throw's own brake, which keeps clear of what is around it."""
+    brake = Samples(*(rows[one.free :] for rows in rows_of(one.samples)))
+    rest = at_rest(brake.q[-1])
+    ways = itertools.chain(
+        ((found,) for found in direct(one.space, rest, goal)), by_raised(one.space, rest, goal)
+    )
+    for parts in ways:
+        ticks = len(brake.q) - 1 + sum(part.ticks for part in parts)
+        make = functools.partial(_joined_transfers, brake, parts)
+        yield Option(TICK * ticks, make)
+
+
+def _joined_transfers(first: Samples, parts: Sequence[Transfer]) -> Samples:
+    return joined([first, *(part.samples for part in parts)])
+
+
 def leave_connection(one: CycleThrow, goal: State) -> Connection:
-    """From the release, without a stop, to rest at the next pick or at home."""
+    """From the release to rest at the next pick or at home; without a stop where that is allowed."""
     start = state_at(one.samples, one.free)
 
     def judge(found: Option) -> Finding | None:
@@ -227,6 +246,8 @@ def leave_connection(one: CycleThrow, goal: State) -> Connection:
 
     return Connection(
         (option_of((found,)) for found in direct(one.space, start, goal)),
-        lambda: map(option_of, by_raised(one.space, start, goal)),
+        lambda: itertools.chain(
+            map(option_of, by_raised(one.space, start, goal)), _after_brake(one, goal)
+        ),
         judge,
     )

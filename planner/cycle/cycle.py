@@ -109,7 +109,8 @@ class Cycle(ReadOnly):
         """Why the cycle is not solved, or what it takes."""
         if self.refused or not self.verdict.ok:
             return self.refused or self.verdict.words
-        return f"{len(self.steps)} objects in {self.duration:.2f} s"
+        count = len(self.steps)
+        return f"{count} object{'s' if count > 1 else ''} in {self.duration:.2f} s"
 
     @property
     def duration(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from collections.abc import Iterator, Sequence
@@ -161,7 +162,8 @@ def _trouble(space: SpatialScene, q: Array, held: bool) -> str:
     """Limits that the arm breaks at rest in joints q (joints,), in words."""
     # Two instants at rest: the core measures between instants.
     still = Samples(*(np.array([rows, rows]) for rows in (q, 0 * q, 0 * q)))
-    return motion_verdict(space, still, held=held).words
+    found = motion_verdict(space, still, held=held).findings
+    return "; ".join(dict.fromkeys(dataclasses.replace(each, time=None).words for each in found))
 
 
 def joint_rates(space: SpatialScene, q: Array, velocity: Array) -> Array:

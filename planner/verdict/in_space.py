@@ -5,6 +5,7 @@ Throws move in a vertical plane, and `verdict` judges them there; this is for wh
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -12,13 +13,13 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import PadMotion, segment_distance
-from ..clearance import BAR, SpatialScene, bar_ends, bar_radii
+from ..clearance import BAR, Clearance, SpatialScene, bar_ends, bar_radii
 from ..throw import TICK, Samples, Throw, arm_excesses
 from .carry import grip_findings, object_wrench
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .single import FLYING, NEAR, collision
 
-#: Distance [samples] of the instants at which bodies are placed; the core measures between them.
+#: Distance [samples] of the instants by which most motions are found clear of collisions.
 PLACES = 10
 #: Distance [samples] of the instants by which a search refuses most motions.
 COARSE = 8
@@ -29,7 +30,8 @@ def motion_verdict(space: SpatialScene, samples: Samples, *, held: bool) -> Verd
 
     samples: of all joints, (N, joints); held: whether the hand holds the object all the time.
     """
-    return Verdict(tuple(_findings(space, samples, held, 1)))
+    limits, collisions = _findings(space, samples, held, 1), _collisions(space, samples, held)
+    return Verdict((*limits, *collisions))
 
 
 def first_finding(space: SpatialScene, samples: Samples, *, held: bool) -> Finding | None:
@@ -37,21 +39,27 @@ def first_finding(space: SpatialScene, samples: Samples, *, held: bool) -> Findi
 
     A search refuses most motions by few samples.
     """
-    coarse = next(_findings(space, samples, held, COARSE), None)
-    return next(_findings(space, samples, held, 1), None) if coarse is None else coarse
+    found = itertools.chain(
+        _findings(space, samples, held, COARSE),
+        _collisions(space, samples, held),
+        _findings(space, samples, held, 1),
+    )
+    return next(found, None)
 
 
 def _findings(space: SpatialScene, samples: Samples, held: bool, step: int) -> Iterator[Finding]:
-    """Broken limits, by every `step`-th sample and the last; those of the joints by all only."""
+    """Broken limits but collisions, by every `step`-th sample and the last; those of the joints,
+    and the grip between samples, by all only."""
     count = len(samples.q)
     rows = np.unique(np.append(np.arange(0, count, step), count - 1))
     states = samples.q[rows], samples.dq[rows], samples.ddq[rows]
     motion = _SpatialMotion(space, TICK * rows, *states, space.spatial.pads(*states), held)
+    if held and step == 1:
+        yield from _grip_between(space, samples)
     for rule in (_tool_speed, _grip, _low, _column, _torque):
         yield from rule(motion)
     for e in arm_excesses(space.kinematics.arm, samples) if step == 1 else ():
         yield Finding(JOINT_LIMITS[e.kind], e.value, e.limit, e.time, e.joint)
-    yield from _collisions(motion)
 
 
 @dataclass(frozen=True)
@@ -109,6 +117,14 @@ def _grip(motion: _SpatialMotion) -> Iterator[Finding]:
         yield from grip_findings(motion.space, motion.pads, motion.times)
 
 
+def _grip_between(space: SpatialScene, samples: Samples) -> Iterator[Finding]:
+    """The grip in the middle between samples, where a change of the jerk can need the most."""
+    times = samples.times[:-1] + TICK / 2
+    if times.size:
+        states = (rows.T for rows in samples.path.at(times))
+        yield from grip_findings(space, space.spatial.pads(*states), times)
+
+
 def _low(motion: _SpatialMotion) -> Iterator[Finding]:
     workspace = motion.space.scene.workspace
     if motion.held and workspace is not None and workspace.floor is not None:
@@ -131,15 +147,23 @@ def _column(motion: _SpatialMotion) -> Iterator[Finding]:
         yield Finding(Code.COLUMN, float(room.min()), 0.0, float(motion.times[room.argmin()]), BAR)
 
 
-def _collisions(motion: _SpatialMotion) -> Iterator[Finding]:
-    space, count = motion.space, len(motion.times)
-    step = max(round(count * PLACES * TICK / max(motion.times[-1], TICK)), 1)
-    places = np.unique(np.append(np.arange(0, count, step), count - 1))
-    if len(places) < 2 or (space.manipulator.capsules is None and not space.scene.obstacle):
+def _collisions(space: SpatialScene, samples: Samples, held: bool) -> Iterator[Finding]:
+    """Bodies too near to each other.
+
+    The core takes off half the way between two instants, so what few instants do not clear, all
+    samples decide.
+    """
+    if len(samples.q) < 2 or (space.manipulator.capsules is None and not space.scene.obstacle):
         return
-    bar = space.held_ends(motion.pads)[..., places] if motion.held else None
-    track = space.bodies(motion.q[places], motion.times[places], bar)
-    yield from map(collision, space.around.clearances(track))
+    pairs = list[Clearance]()
+    for step in (PLACES, 1):
+        rows = np.unique(np.append(np.arange(0, len(samples.q), step), len(samples.q) - 1))
+        q, dq, ddq = samples.q[rows], samples.dq[rows], samples.ddq[rows]
+        bar = space.held_ends(space.spatial.pads(q, dq, ddq)) if held else None
+        pairs = space.around.clearances(space.bodies(q, TICK * rows, bar))
+        if not pairs:
+            break
+    yield from map(collision, pairs)
 
 
 def flight_gaps(space: SpatialScene, throw: Throw, samples: Samples, begins: float) -> Array:
