@@ -325,9 +325,7 @@ class Oracle:
 def joint_limits(samples: Samples, of: Any, which: list[int]) -> dict[str, Found]:
     """Use of an arm's limits by its joints `which`, counted from 0."""
     ends = np.array(of.position_min), np.array(of.position_max)
-    velocity, acceleration, jerk = (
-        np.array(v) for v in (of.velocity, of.acceleration, of.jerk)
-    )
+    velocity, acceleration, jerk = (np.array(v) for v in (of.velocity, of.acceleration, of.jerk))
     found = _ranges(samples, ends, (velocity, acceleration, jerk), which)
     slowing = of.slowing
     if slowing is not None:

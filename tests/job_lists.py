@@ -45,7 +45,7 @@ z = 0.35
 """
 #: A handle, and a head across it around the CoM.
 HAMMER = """[pick.object]
-width = 0.02
+length = 0.162
 outline = [
   { begin = [0.012, 0.0], end = [0.15, 0.0], radius = 0.012 },
   { begin = [0.10, -0.04], end = [0.10, 0.05], radius = 0.018 },
@@ -62,7 +62,7 @@ position = [{x:.3f}, {y:.3f}, {z:.3f}]
 
 
 def write_random_jobs(folder: Path, seed: int, kind: str = "bars", picks: int = 8) -> Path:
-    """The file of random jobs: picks in front of a Panda and 3 bins, and its scene if that is new."""
+    """The file of random jobs, picks in front of a Panda and 3 bins, beside its scene."""
     random = np.random.default_rng(seed)
     lines = ['scene = "pose"']
     if kind == "posts":
@@ -109,7 +109,7 @@ def _picks(random: np.random.Generator, count: int, object_: str) -> list[str]:
 def _posts(random: np.random.Generator) -> str:
     """Obstacles around the picks."""
     found = ""
-    for n, azimuth in enumerate(np.radians([-30.0, 30.0] + random.uniform(-25.0, 25.0, 2))):
+    for n, azimuth in enumerate(np.radians(random.uniform([-55.0, 5.0], [-5.0, 55.0]))):
         away, height = random.uniform(0.72, 0.8), random.uniform(0.2, 0.45)
         place = {"x": away * math.cos(azimuth), "y": away * math.sin(azimuth), "z": height / 2}
         kind, size = ("box", [0.05, 0.1, height]) if n else ("capsule", [0.03, height - 0.06])

@@ -236,7 +236,7 @@ def _joined_transfers(first: Samples, parts: Sequence[Transfer]) -> Samples:
 
 
 def leave_connection(one: CycleThrow, goal: State) -> Connection:
-    """From the release to rest at the next pick or at home; without a stop where that is allowed."""
+    """From the release to rest at the next pick or at home, if allowed without a stop."""
     start = state_at(one.samples, one.free)
 
     def judge(found: Option) -> Finding | None:

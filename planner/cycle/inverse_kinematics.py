@@ -69,6 +69,7 @@ def inverse_kinematics(
         q = reach.solved(first)
         if q is None:
             continue
+        q = reach.unwound(q, start)
         words = _trouble(space, q, held)
         if not words and number == 0:
             return q
@@ -79,7 +80,7 @@ def inverse_kinematics(
     if found:
         velocity = np.array(arm.limits.velocity)
         return min(found, key=lambda q: float((np.abs(q - start) / velocity).max()))
-    x, y, z = goal
+    x, y, z = np.round(goal, 9) + 0.0
     where = f"hand pose x = {x:g}, y = {y:g}, z = {z:g}"
     if turn is not None:
         where += f", turn_deg = {math.degrees(turn):g}"
@@ -97,12 +98,23 @@ class _Reach:
     angle: float
     margin: float
 
-    def solved(self, start: Array) -> Array | None:
-        """Joints of the pose by damped Newton steps from a start; None if these do not reach it."""
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Lowest and highest joints [rad] that are taken."""
         limits = self.arm.limits
         low, high = np.array(limits.position_min), np.array(limits.position_max)
         inset = np.minimum(self.margin, (high - low) / 2)
-        low, high = low + inset, high - inset
+        return low + inset, high - inset
+
+    def unwound(self, q: Array, near: Array) -> Array:
+        """The same pose with joints q (joints,) turned by whole turns towards `near` (joints,)."""
+        (low, high), turn = self.ends, 2 * math.pi
+        other = q - turn * np.round((q - near) / turn)
+        return np.where((low <= other) & (other <= high), other, q)
+
+    def solved(self, start: Array) -> Array | None:
+        """Joints of the pose by damped Newton steps from a start; None if these do not reach it."""
+        low, high = self.ends
         function, turn = _residual(self.arm, self.turn is None), self.turn or 0.0
         q = np.clip(start, low, high)
         for _ in range(STEPS):

@@ -136,9 +136,9 @@ class Network:
                 return f"{pick.name}: no motion from the pick into a throw: {_words(ways)}"
             # The way back from its own throw to a pick is used if there is no other.
             back = [self.leave(c, p) for c in numbers if c not in own or len(own) == len(numbers)]
-            if self.home is None or len(self.jobs.picks) > 1:
-                if all(connection.best is None for connection in back):
-                    return f"{pick.name}: no motion from a throw to the pick: {_words(back)}"
+            is_end = self.home is None or len(self.jobs.picks) > 1
+            if is_end and all(connection.best is None for connection in back):
+                return f"{pick.name}: no motion from a throw to the pick: {_words(back)}"
             refused += (each for each in (*ways, *back) if each.best is None)
         if self.home is not None:
             ends = [self.leave(c, -1) for c in numbers]

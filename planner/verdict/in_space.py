@@ -54,9 +54,9 @@ def _findings(space: SpatialScene, samples: Samples, held: bool, step: int) -> I
     rows = np.unique(np.append(np.arange(0, count, step), count - 1))
     states = samples.q[rows], samples.dq[rows], samples.ddq[rows]
     motion = _SpatialMotion(space, TICK * rows, *states, space.spatial.pads(*states), held)
-    if held and step == 1:
-        yield from _grip_between(space, samples)
-    for rule in (_tool_speed, _grip, _low, _column, _torque):
+    if held:
+        yield from _grip(motion) if step > 1 or count < 2 else _grip_between(motion, samples)
+    for rule in (_tool_speed, _low, _column, _torque):
         yield from rule(motion)
     for e in arm_excesses(space.kinematics.arm, samples) if step == 1 else ():
         yield Finding(JOINT_LIMITS[e.kind], e.value, e.limit, e.time, e.joint)
@@ -113,16 +113,16 @@ def _torque(motion: _SpatialMotion) -> Iterator[Finding]:
 
 
 def _grip(motion: _SpatialMotion) -> Iterator[Finding]:
-    if motion.held:
-        yield from grip_findings(motion.space, motion.pads, motion.times)
+    return grip_findings(motion.space, motion.pads, motion.times)
 
 
-def _grip_between(space: SpatialScene, samples: Samples) -> Iterator[Finding]:
-    """The grip in the middle between samples, where a change of the jerk can need the most."""
-    times = samples.times[:-1] + TICK / 2
-    if times.size:
-        states = (rows.T for rows in samples.path.at(times))
-        yield from grip_findings(space, space.spatial.pads(*states), times)
+def _grip_between(motion: _SpatialMotion, samples: Samples) -> Iterator[Finding]:
+    """The grip at all samples, and in the middle between two: where a jerk changes there, the
+    object accelerates more."""
+    space = motion.space
+    times: Array = TICK / 2 * np.arange(2 * len(samples.q) - 1)
+    pads = space.spatial.pads(*(rows.T for rows in samples.path.at(times)))
+    return grip_findings(space, pads, times)
 
 
 def _low(motion: _SpatialMotion) -> Iterator[Finding]:
