@@ -83,7 +83,7 @@ def _bins(random: np.random.Generator, near: bool) -> list[str]:
         z, theta = random.uniform(0.1, 0.25), random.uniform(-100.0, -60.0)
         if near:
             side = 1.0 if number % 2 else -1.0
-            away, azimuth = away - 0.45, azimuth / 3 + side * math.radians(65)
+            away, azimuth = away - 0.55, azimuth / 3 + side * math.radians(65)
             z, theta = z + 0.1, theta - 10.0
         x, y = away * math.cos(azimuth), away * math.sin(azimuth)
         turn = f"[{theta - 8:.1f}, {theta + 8:.1f}]" if number % 2 else f"{theta:.1f}"
@@ -110,7 +110,7 @@ def _posts(random: np.random.Generator) -> str:
     """Obstacles around the picks."""
     found = ""
     for n, azimuth in enumerate(np.radians(random.uniform([-55.0, 5.0], [-5.0, 55.0]))):
-        away, height = random.uniform(0.72, 0.8), random.uniform(0.2, 0.45)
+        away, height = random.uniform(0.72, 0.8), random.uniform(0.4, 0.6)
         place = {"x": away * math.cos(azimuth), "y": away * math.sin(azimuth), "z": height / 2}
         kind, size = ("box", [0.05, 0.1, height]) if n else ("capsule", [0.03, height - 0.06])
         found += POST.format(n=n + 1, kind=kind, size=[round(s, 3) for s in size], **place)

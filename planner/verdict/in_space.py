@@ -119,8 +119,7 @@ def _grip(motion: _SpatialMotion) -> Iterator[Finding]:
 def _grip_between(motion: _SpatialMotion, samples: Samples) -> Iterator[Finding]:
     """The grip at all samples, and in the middle between two: where a jerk changes there, the
     object accelerates more."""
-    space = motion.space
-    times: Array = TICK / 2 * np.arange(2 * len(samples.q) - 1)
+    space, times = motion.space, np.linspace(0.0, samples.times[-1], 2 * len(samples.q) - 1)
     pads = space.spatial.pads(*(rows.T for rows in samples.path.at(times)))
     return grip_findings(space, pads, times)
 
