@@ -1,7 +1,7 @@
 """Random job lists, planned, timed, and judged by the oracle.
 
 `PYTHONPATH=. .venv/bin/python tests/job_lists.py 20` plans and judges that many; a second word
-takes another of `KINDS`.
+takes another of `KINDS`, a third one the number of objects.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def _posts(random: np.random.Generator) -> str:
     return found
 
 
-def study(count: int, kind: str) -> None:
+def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
     """Plan and judge random lists, and print times an object and their median and 90 %."""
     names = ["thrown", "with stops", "ratio", "planning"]
     names += ["placed", "thrown/placed"] if kind == "near" else []
@@ -125,22 +125,22 @@ def study(count: int, kind: str) -> None:
     rows, broken, unsolved = list[list[float]](), 0, 0
     for seed in range(count):
         with tempfile.TemporaryDirectory() as name:
-            jobs = load_jobs(write_random_jobs(Path(name), seed, kind))
+            jobs = load_jobs(write_random_jobs(Path(name), seed, kind, picks))
             begin = time.process_time()
             cycle = plan_cycle(jobs)
-            spent, objects = time.process_time() - begin, len(jobs.picks)
+            spent = time.process_time() - begin
             if not cycle.solved:
                 print(seed, cycle.message, flush=True)
                 unsolved += 1
                 continue
             save_cycle(cycle, name)
             found = broken_limits(Path(name))
-        row = [cycle.duration, cycle.stops, cycle.duration / cycle.stops * objects, spent]
+        row = [cycle.duration, cycle.stops, cycle.duration / cycle.stops * picks, spent]
         if kind == "near":
             placed = place_jobs(jobs)
-            row += [placed.duration, cycle.duration / placed.duration * objects]
+            row += [placed.duration, cycle.duration / placed.duration * picks]
             found += [f"placing: {placed.trouble}"] if placed.trouble else []
-        rows.append([value / objects for value in row])
+        rows.append([value / picks for value in row])
         broken += bool(found)
         print(seed, *(f"{value:.3f}" for value in rows[-1]), found, flush=True)
     print(f"{len(rows)} of {count} solved, {unsolved} not, {broken} with a broken limit")
@@ -149,4 +149,4 @@ def study(count: int, kind: str) -> None:
 
 
 if __name__ == "__main__":
-    study(int(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else KINDS[0])
+    study(int(sys.argv[1]), *sys.argv[2:3], *map(int, sys.argv[3:4]))

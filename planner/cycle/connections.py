@@ -24,6 +24,8 @@ from ..throw import (
     transfer,
 )
 from ..verdict import Finding, first_finding, flight_findings, flight_gaps
+from .cycle import UnsolvedError
+from .slowing import slowed_transfer
 
 #: Shares of the limits on velocity, and on acceleration and jerk, that are tried.
 SHARES = (
@@ -118,26 +120,26 @@ def joined(parts: list[Samples]) -> Samples:
 class Connection:
     """The fastest allowed motion between two states; judged only when it is needed.
 
-    options: of the direct motions; raised: of motions by a raised pose, tried after them.
+    options: motions that are tried first; others: makes those that are tried after them.
     """
 
     def __init__(
         self,
         options: Iterator[Option],
-        raised: Callable[[], Iterator[Option]],
+        others: Callable[[], Iterator[Option]],
         judge: Callable[[Option], Finding | None],
     ) -> None:
         self._options = sorted(options, key=lambda option: option.duration)
-        self._raised: Callable[[], Iterator[Option]] | None = raised
+        self._others: Callable[[], Iterator[Option]] | None = others
         self._judge, self._is_judged = judge, False
         #: Why the slowest motion that was judged was refused.
         self.trouble = ""
         self._fill()
 
     def _fill(self) -> None:
-        if not self._options and self._raised is not None:
-            self._options = sorted(self._raised(), key=lambda option: option.duration)
-            self._raised = None
+        if not self._options and self._others is not None:
+            self._options = sorted(self._others(), key=lambda option: option.duration)
+            self._others = None
 
     @property
     def best(self) -> Option | None:
@@ -204,11 +206,29 @@ def option_of(parts: tuple[Transfer, ...], after: int = 0, join: int = 0) -> Opt
     return Option(TICK * ticks, lambda: joined([part.samples for part in parts]), join)
 
 
+def _fastest(space: SpatialScene, start: State, goal: State) -> Iterator[Option]:
+    """The fastest direct motion."""
+    return (option_of((found,)) for found in itertools.islice(direct(space, start, goal), 1))
+
+
+def _slower(space: SpatialScene, start: State, goal: State, *, held: bool) -> Iterator[Option]:
+    """Direct motions that are slowed, first as far as the verdict demands, and raised ones."""
+    try:
+        samples = slowed_transfer(space, start, goal, held=held)
+    except UnsolvedError:
+        pass
+    else:
+        yield Option(TICK * (len(samples.q) - 1), lambda: samples)
+    for found in itertools.islice(direct(space, start, goal), 1, None):
+        yield option_of((found,))
+    yield from map(option_of, by_raised(space, start, goal))
+
+
 def rest_connection(space: SpatialScene, start: State, goal: State, *, held: bool) -> Connection:
     """From rest to rest."""
     return Connection(
-        (option_of((found,)) for found in direct(space, start, goal)),
-        lambda: map(option_of, by_raised(space, start, goal)),
+        _fastest(space, start, goal),
+        lambda: _slower(space, start, goal, held=held),
         lambda found: first_finding(space, found.samples, held=held),
     )
 
@@ -245,9 +265,9 @@ def leave_connection(one: CycleThrow, goal: State) -> Connection:
         return broken or next(iter(flown), None)
 
     return Connection(
-        (option_of((found,)) for found in direct(one.space, start, goal)),
+        _fastest(one.space, start, goal),
         lambda: itertools.chain(
-            map(option_of, by_raised(one.space, start, goal)), _after_brake(one, goal)
+            _slower(one.space, start, goal, held=False), _after_brake(one, goal)
         ),
         judge,
     )
