@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -76,9 +75,16 @@ class CycleThrow:
 
     @cached_property
     def samples(self) -> Samples:
-        """All joints (N, joints)."""
+        """All joints (N, joints), at rest after the brake until the landing."""
         plane = self.throw.target.plane
-        return Samples(*joint_samples(self.space.kinematics, plane.azimuth, self.throw.samples))
+        own = joint_samples(self.space.kinematics, plane.azimuth, self.throw.samples)
+        rest = math.ceil(self.throw.landing_time / TICK) - self.braked
+        return joined([Samples(*own), still(at_rest(own[0][-1]), max(rest, 0))])
+
+    @property
+    def braked(self) -> int:
+        """The sample at which the throw's own brake ends."""
+        return len(self.throw.samples.q) - 1
 
     @cached_property
     def free(self) -> int:
@@ -200,6 +206,11 @@ def by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple[
     yield from itertools.product(*ways)
 
 
+def still(state: State, ticks: int) -> Samples:
+    """Samples at rest, one more than ticks."""
+    return Samples(*(np.tile(row, (ticks + 1, 1)) for row in (state.q, state.dq, state.ddq)))
+
+
 def option_of(parts: tuple[Transfer, ...], after: int = 0, join: int = 0) -> Option:
     """Transfers one after another, and the number of samples of the throw that follow."""
     ticks = sum(part.ticks for part in parts) + after
@@ -212,16 +223,25 @@ def _fastest(space: SpatialScene, start: State, goal: State) -> Iterator[Option]
 
 
 def _slower(space: SpatialScene, start: State, goal: State, *, held: bool) -> Iterator[Option]:
-    """Direct motions that are slowed, first as far as the verdict demands, and raised ones."""
-    try:
-        samples = slowed_transfer(space, start, goal, held=held)
-    except UnsolvedError:
-        pass
-    else:
-        yield Option(TICK * (len(samples.q) - 1), lambda: samples)
+    """Motions slowed as far as the verdict demands, direct and by a raised pose, and direct ones
+    by shares of the limits."""
+    middle = _raised_pose(space, (goal if start.dq.any() else start).q)
+    for states in ((start, goal), (start, middle, goal)):
+        try:
+            parts = [
+                slowed_transfer(space, *ends, held=held) for ends in itertools.pairwise(states)
+            ]
+        except UnsolvedError:
+            continue
+        yield _option(parts)
     for found in itertools.islice(direct(space, start, goal), 1, None):
         yield option_of((found,))
-    yield from map(option_of, by_raised(space, start, goal))
+
+
+def _option(parts: list[Samples]) -> Option:
+    """Samples one after another."""
+    samples = joined(parts)
+    return Option(TICK * (len(samples.q) - 1), lambda: samples)
 
 
 def rest_connection(space: SpatialScene, start: State, goal: State, *, held: bool) -> Connection:
@@ -239,20 +259,13 @@ def rows_of(samples: Samples) -> tuple[Array, Array, Array]:
 
 
 def _after_brake(one: CycleThrow, goal: State) -> Iterator[Option]:
-    """Motions that stop after the throw's own brake, which keeps clear of what is around it."""
-    brake = Samples(*(rows[one.free :] for rows in rows_of(one.samples)))
-    rest = at_rest(brake.q[-1])
-    ways = itertools.chain(
-        ((found,) for found in direct(one.space, rest, goal)), by_raised(one.space, rest, goal)
-    )
-    for parts in ways:
-        ticks = len(brake.q) - 1 + sum(part.ticks for part in parts)
-        make = functools.partial(_joined_transfers, brake, parts)
-        yield Option(TICK * ticks, make)
-
-
-def _joined_transfers(first: Samples, parts: Sequence[Transfer]) -> Samples:
-    return joined([first, *(part.samples for part in parts)])
+    """Motions that stop after the throw's own brake, which keeps clear of what is around it; at
+    once, and when the object has landed."""
+    rest, landed = at_rest(one.samples.q[-1]), len(one.samples.q) - 1
+    for found in direct(one.space, rest, goal):
+        for until in {max(one.braked, one.free), landed}:
+            brake = Samples(*(rows[one.free : until + 1] for rows in rows_of(one.samples)))
+            yield _option([brake, found.samples])
 
 
 def leave_connection(one: CycleThrow, goal: State) -> Connection:

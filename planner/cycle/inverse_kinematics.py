@@ -57,7 +57,7 @@ def inverse_kinematics(
     InputError if there are no such joints, saying whether the place is out of reach, or what is in
     the way.
     """
-    search = _Search.of(space, place, turn, seed, angle, held, margin)
+    search = _PoseSearch.of(space, place, turn, seed, angle, held, margin)
     found = list[Array]()
     for is_near, q in search.solutions():
         if is_near:
@@ -79,7 +79,7 @@ def hand_poses(
     margin: float = 0.05,
 ) -> list[Array]:
     """All joints that `inverse_kinematics` finds from its starts, the nearest to the seed first."""
-    search, found = _Search.of(space, place, turn, seed, angle, held, margin), list[Array]()
+    search, found = _PoseSearch.of(space, place, turn, seed, angle, held, margin), list[Array]()
     for _, q in search.solutions():
         if all(np.abs(q - other).max() > ALIKE for other in found):
             found.append(q)
@@ -87,7 +87,7 @@ def hand_poses(
 
 
 @dataclass
-class _Search:
+class _PoseSearch:
     """Solutions of a hand pose in which nothing is in the way.
 
     trouble: why the first solution that breaks a limit is none.
@@ -109,7 +109,7 @@ class _Search:
         angle: float,
         held: bool,
         margin: float,
-    ) -> _Search:
+    ) -> _PoseSearch:
         """InputError for arguments that are none; see `inverse_kinematics`."""
         arm, goal, start = space.kinematics.arm, np.array(place, float), np.array(seed, float)
         if goal.shape != (3,) or not np.isfinite(goal).all():
