@@ -7,9 +7,11 @@ It reads scenes as data and a plan's files (plan.json, motion.csv), and nothing 
     oracle.judge(planned=True).found["grip"]  # value, limit, room
     rows, found = read_rows(folder)  # of sweep.save(folder / "sweep")
     oracle.judge(rows).success
+    broken_limits(folder)  # what a saved cycle breaks, in words
 """
 
 from .clearance import Found
+from .cycles import broken_limits
 from .files import oracle_of, read_oracle, read_rows
 from .judge import Oracle
 from .release import STEPS

@@ -188,13 +188,7 @@ class Oracle:
         planned: bool,
     ) -> dict[str, Found]:
         """Clearances of throw i's bar; c: its parameters."""
-        whole, com = self.scene.object, c["com_offset"] + self.scene.grasp.offset
-        sizes = -com, whole.length - com, whole.width / 2
-        parts = tuple(
-            Capsule(np.array([part.begin, part.end]) - [com, 0.0], part.radius)
-            for part in whole.outline
-        )
-        bar = Bar(*sizes, float(held.angle[i]), float(held.offset[i]), parts)
+        bar = self.bar(held, c, i)
         carry = self.ticks[self.ticks < held.begins[i]]
         rows = np.append(np.arange(0, len(thrown.times) - 1, EVERY), len(thrown.times) - 1)
         carried = bar.held(self.hand.at(carry)[0]) + np.array([c["hand_x"], c["hand_z"], 0.0])
@@ -206,6 +200,16 @@ class Oracle:
         error = np.array([c[f"hand_{k}"] for k in ("x", "z", "theta", "vx", "vz", "omega")])
         palm = error[:3] + error[3:] * held.opening[i], error[3:]
         return self.around.bar(bar, np.append(carry, times), poses, flight, palm, planned)
+
+    def bar(self, held: Held, c: Mapping[str, float], i: int = 0) -> Bar:
+        """Throw i's object; c: its parameters."""
+        whole, com = self.scene.object, float(c["com_offset"]) + self.scene.grasp.offset
+        sizes = -com, whole.length - com, whole.width / 2
+        parts = tuple(
+            Capsule(np.array([part.begin, part.end]) - [com, 0.0], part.radius)
+            for part in whole.outline
+        )
+        return Bar(*sizes, float(held.angle[i]), float(held.offset[i]), parts)
 
     def _landing(self, detach: Array) -> Array:
         """x, theta, flight time (N, 3) as the CoM falls through the target's height, or NaN."""
@@ -267,38 +271,13 @@ class Oracle:
 
     @cached_property
     def _joint_limits(self) -> dict[str, Found]:
-        s, arm = self.samples, self.arm
-        rate, turn, jerk = (np.diff(v, axis=0) / TICK for v in (s.q, s.dq, s.ddq))
-        if arm is None:
-            hand, n = self.scene.hand, 3 if self.scene.hand.angular_speed is not None else 2
-            low, high = np.array([hand.x, hand.z, hand.theta]).T
-            dq = np.array([hand.speed, hand.speed, hand.angular_speed or 0.0])
-            ddq = np.array([hand.acceleration] * 2 + [hand.angular_acceleration or 0.0])
-            most, which, slowing = [dq, ddq, None], list(range(n)), None
-        else:
-            of = arm.arm.limits
-            low, high = np.array(of.position_min), np.array(of.position_max)
-            most = [np.array(v) for v in (of.velocity, of.acceleration, of.jerk)]
-            which, slowing = arm.throwing, of.slowing
-        room = np.minimum(s.q - low, high - s.q)[:, which].min()
-        found = {"joint position": at_least(room, 0.0)}
-        kinds = (np.vstack([s.dq, rate]), np.vstack([s.ddq, turn]), jerk)
-        for name, values, limit in zip(
-            ("velocity", "acceleration", "jerk"), kinds, most, strict=True
-        ):
-            if limit is not None:
-                share = np.abs(values[:, which]) / limit[which]
-                found[f"joint {name}"] = at_most(share.max(), 1.0)
-        if slowing is not None:
-            # A difference has the time of its later sample, as in a controller.
-            q, v = np.vstack([s.q, s.q[1:]])[:, which], kinds[0][:, which]
-            given = (slowing.deceleration, slowing.offset, slowing.upper, slowing.lower)
-            fall, offset, upper, lower = (np.array(row)[which] for row in given)
-            up = np.sqrt(2 * fall * np.maximum(upper - q, 0.0)) - offset
-            down = np.sqrt(2 * fall * np.maximum(q - lower, 0.0)) - offset
-            cap = np.where(v > 0, up, down).clip(0.0, most[0][which])
-            found["joint velocity at its position"] = at_least((cap - np.abs(v)).min(), 0.0)
-        return found
+        if self.arm is not None:
+            return joint_limits(self.samples, self.arm.arm.limits, self.arm.throwing)
+        hand, n = self.scene.hand, 3 if self.scene.hand.angular_speed is not None else 2
+        low, high = np.array([hand.x, hand.z, hand.theta]).T
+        dq = np.array([hand.speed, hand.speed, hand.angular_speed or 0.0])
+        ddq = np.array([hand.acceleration] * 2 + [hand.angular_acceleration or 0.0])
+        return _ranges(self.samples, (low, high), (dq, ddq, None), list(range(n)))
 
     def _limits(self) -> dict[str, Found]:
         found, arm, scene = dict(self._joint_limits), self.arm, self.scene
@@ -341,3 +320,37 @@ class Oracle:
             with_bar, without = np.abs(empty + load) * before, np.abs(empty) * after
             worst.append((np.maximum(with_bar, without) / limits).max())
         return at_most(worst, 1.0)
+
+
+def joint_limits(samples: Samples, of: Any, which: list[int]) -> dict[str, Found]:
+    """Use of an arm's limits by its joints `which`, counted from 0."""
+    ends = np.array(of.position_min), np.array(of.position_max)
+    velocity, acceleration, jerk = (np.array(v) for v in (of.velocity, of.acceleration, of.jerk))
+    found = _ranges(samples, ends, (velocity, acceleration, jerk), which)
+    slowing = of.slowing
+    if slowing is not None:
+        # A difference has the time of its later sample, as in a controller.
+        q = np.vstack([samples.q, samples.q[1:]])[:, which]
+        v = np.vstack([samples.dq, np.diff(samples.q, axis=0) / TICK])[:, which]
+        given = (slowing.deceleration, slowing.offset, slowing.upper, slowing.lower)
+        fall, offset, upper, lower = (np.array(row)[which] for row in given)
+        up = np.sqrt(2 * fall * np.maximum(upper - q, 0.0)) - offset
+        down = np.sqrt(2 * fall * np.maximum(q - lower, 0.0)) - offset
+        cap = np.where(v > 0, up, down).clip(0.0, velocity[which])
+        found["joint velocity at its position"] = at_least((cap - np.abs(v)).min(), 0.0)
+    return found
+
+
+def _ranges(
+    s: Samples, ends: tuple[Array, Array], most: tuple[Array | None, ...], which: list[int]
+) -> dict[str, Found]:
+    """Use of ranges, and of limits on velocity, acceleration and jerk."""
+    low, high = ends
+    rate, turn, jerk = (np.diff(v, axis=0) / TICK for v in (s.q, s.dq, s.ddq))
+    found = {"joint position": at_least(np.minimum(s.q - low, high - s.q)[:, which].min(), 0.0)}
+    kinds = (np.vstack([s.dq, rate]), np.vstack([s.ddq, turn]), jerk)
+    for name, values, limit in zip(("velocity", "acceleration", "jerk"), kinds, most, strict=True):
+        if limit is not None:
+            share = np.abs(values[:, which]) / limit[which]
+            found[f"joint {name}"] = at_most(share.max(), 1.0)
+    return found

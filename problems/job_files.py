@@ -22,6 +22,8 @@ MOST_PICKS, MOST_BINS = 100, 100
 #: Sections of a scene that a pick, and a bin, may have for itself.
 PICK_SECTIONS = ("object", "contact", "grasp")
 BIN_SECTIONS = ("target", "cup", "landing", "tolerance")
+#: Sections of a scene that only a plan of one throw follows.
+SINGLE_SECTIONS = ("rest", "choice", "robust")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +34,10 @@ class Bin(Section):
 
     name: str = quantity("of the bin, for `bins` and messages")
     sections: dict[str, Any] = dataclasses.field(default_factory=dict, metadata={})
+
+    def check(self) -> None:
+        """A name for people."""
+        _check_name(self.name)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,7 +74,8 @@ class Pick(Section):
         return self.x, self.y, self.z
 
     def check(self) -> None:
-        """Joints, or a hand pose."""
+        """A name for people; joints, or a hand pose."""
+        _check_name(self.name)
         given = [name for name in ("x", "y", "z") if getattr(self, name) is not None]
         if (self.joints is None) != (len(given) == 3) or (self.joints is not None and given):
             raise InputError("give 'joints_deg', or all of 'x', 'y' and 'z'")
@@ -171,13 +178,27 @@ class Jobs(JobKeys):
         """The bins that a pick's object may go to."""
         return tuple(one for one in self.bins if pick.bins is None or one.name in pick.bins)
 
+    def _kept(self, key: str, table: Mapping[str, Any]) -> dict[str, Any]:
+        """The scene's keys of a section that a pick's table keeps: beside another outline neither
+        width nor mesh."""
+        of_shape = ("width", "mesh") if "outline" in table else ()
+        return {name: v for name, v in self.base.get(key, {}).items() if name not in of_shape}
+
     def scene_of(self, pick: Pick, one: Bin) -> Scene:
         """The scene of a throw; its weights are those for little time, unless the base has some."""
-        own = {key: self.base.get(key, {}) | table for key, table in pick.sections.items()}
+        own = {key: self._kept(key, table) | table for key, table in pick.sections.items()}
         table = self.base | one.sections | own | {"name": self.name}
         scene = scene_from_table(table)
         scene.check_target_in_cup()
+        if scene.target is not None and scene.target.arrival is not None:
+            raise InputError("[target] arrival: a cycle throws as soon as it can: leave it out")
         return scene if scene.cost is not None else scene.replace(cost=Cost().fast)
+
+
+def _check_name(name: str) -> None:
+    """InputError for a name that is empty or would break a table's lines."""
+    if not name or not name.isprintable():
+        raise InputError(f"name = {name!r}: must be one line of text")
 
 
 def _check_joints(key: str, joints: tuple[float, ...], arm: Arm) -> None:
@@ -247,9 +268,13 @@ def _base(name: str, folder: Path | None) -> tuple[dict[str, Any], Arm]:
         scene = load_scene(path)
         if scene.robot is None or scene.arm is None:
             raise InputError("has no [robot]: a cycle needs an arm")
-    table = scene.table()
+        table, mistakes = scene.table(), Mistakes()
+        for key in SINGLE_SECTIONS:
+            if getattr(scene, key) is not None:
+                mistakes.lines.append(f"[{key}]: only a plan of one throw follows it: leave it out")
+        mistakes.refuse()
     table["robot"] = {key: v for key, v in table["robot"].items() if key != "start_deg"}
-    for key in ("target", "cup", "landing", "rest", "choice", "robust", "description"):
+    for key in ("target", "cup", "landing", "description"):
         table.pop(key, None)
     return table, scene.arm
 

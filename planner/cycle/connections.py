@@ -23,6 +23,8 @@ from ..throw import (
     transfer,
 )
 from ..verdict import Finding, first_finding, flight_findings, flight_gaps
+from .cycle import UnsolvedError
+from .slowing import slowed_transfer
 
 #: Shares of the limits on velocity, and on acceleration and jerk, that are tried.
 SHARES = (
@@ -38,6 +40,7 @@ SHARES = (
         (0.9, 0.8),
     ),
     *((0.8, 0.8), (0.7, 0.6), (1.0, 0.6), (0.6, 0.45), (0.5, 0.3), (0.4, 0.2), (0.3, 0.1)),
+    *((0.3, 0.05), (0.2, 0.02)),
 )
 
 
@@ -72,9 +75,16 @@ class CycleThrow:
 
     @cached_property
     def samples(self) -> Samples:
-        """All joints (N, joints)."""
+        """All joints (N, joints), at rest after the brake until the landing."""
         plane = self.throw.target.plane
-        return Samples(*joint_samples(self.space.kinematics, plane.azimuth, self.throw.samples))
+        own = joint_samples(self.space.kinematics, plane.azimuth, self.throw.samples)
+        rest = math.ceil(self.throw.landing_time / TICK) - self.braked
+        return joined([Samples(*own), still(at_rest(own[0][-1]), max(rest, 0))])
+
+    @property
+    def braked(self) -> int:
+        """The sample at which the throw's own brake ends."""
+        return len(self.throw.samples.q) - 1
 
     @cached_property
     def free(self) -> int:
@@ -116,26 +126,26 @@ def joined(parts: list[Samples]) -> Samples:
 class Connection:
     """The fastest allowed motion between two states; judged only when it is needed.
 
-    options: of the direct motions; raised: of motions by a raised pose, tried after them.
+    options: motions that are tried first; others: makes those that are tried after them.
     """
 
     def __init__(
         self,
         options: Iterator[Option],
-        raised: Callable[[], Iterator[Option]],
+        others: Callable[[], Iterator[Option]],
         judge: Callable[[Option], Finding | None],
     ) -> None:
         self._options = sorted(options, key=lambda option: option.duration)
-        self._raised: Callable[[], Iterator[Option]] | None = raised
+        self._others: Callable[[], Iterator[Option]] | None = others
         self._judge, self._is_judged = judge, False
-        #: Why the fastest motion was refused.
+        #: Why the slowest motion that was judged was refused.
         self.trouble = ""
         self._fill()
 
     def _fill(self) -> None:
-        if not self._options and self._raised is not None:
-            self._options = sorted(self._raised(), key=lambda option: option.duration)
-            self._raised = None
+        if not self._options and self._others is not None:
+            self._options = sorted(self._others(), key=lambda option: option.duration)
+            self._others = None
 
     @property
     def best(self) -> Option | None:
@@ -154,7 +164,7 @@ class Connection:
             broken = self._judge(self.best)
             self._is_judged = broken is None
             if broken is not None:
-                self.trouble = self.trouble or broken.words
+                self.trouble = broken.words
                 self._refuse(self._options.pop(0), broken)
                 self._fill()
         return self.time == before
@@ -196,17 +206,49 @@ def by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple[
     yield from itertools.product(*ways)
 
 
+def still(state: State, ticks: int) -> Samples:
+    """Samples at rest, one more than ticks."""
+    return Samples(*(np.tile(row, (ticks + 1, 1)) for row in (state.q, state.dq, state.ddq)))
+
+
 def option_of(parts: tuple[Transfer, ...], after: int = 0, join: int = 0) -> Option:
     """Transfers one after another, and the number of samples of the throw that follow."""
     ticks = sum(part.ticks for part in parts) + after
     return Option(TICK * ticks, lambda: joined([part.samples for part in parts]), join)
 
 
+def _fastest(space: SpatialScene, start: State, goal: State) -> Iterator[Option]:
+    """The fastest direct motion."""
+    return (option_of((found,)) for found in itertools.islice(direct(space, start, goal), 1))
+
+
+def _slower(space: SpatialScene, start: State, goal: State, *, held: bool) -> Iterator[Option]:
+    """Motions slowed as far as the verdict demands, direct and by a raised pose, and direct ones
+    by shares of the limits."""
+    middle = _raised_pose(space, (goal if start.dq.any() else start).q)
+    for states in ((start, goal), (start, middle, goal)):
+        try:
+            parts = [
+                slowed_transfer(space, *ends, held=held) for ends in itertools.pairwise(states)
+            ]
+        except UnsolvedError:
+            continue
+        yield _option(parts)
+    for found in itertools.islice(direct(space, start, goal), 1, None):
+        yield option_of((found,))
+
+
+def _option(parts: list[Samples]) -> Option:
+    """Samples one after another."""
+    samples = joined(parts)
+    return Option(TICK * (len(samples.q) - 1), lambda: samples)
+
+
 def rest_connection(space: SpatialScene, start: State, goal: State, *, held: bool) -> Connection:
     """From rest to rest."""
     return Connection(
-        (option_of((found,)) for found in direct(space, start, goal)),
-        lambda: map(option_of, by_raised(space, start, goal)),
+        _fastest(space, start, goal),
+        lambda: _slower(space, start, goal, held=held),
         lambda found: first_finding(space, found.samples, held=held),
     )
 
@@ -216,8 +258,18 @@ def rows_of(samples: Samples) -> tuple[Array, Array, Array]:
     return samples.q, samples.dq, samples.ddq
 
 
+def _after_brake(one: CycleThrow, goal: State) -> Iterator[Option]:
+    """Motions that stop after the throw's own brake, which keeps clear of what is around it; at
+    once, and when the object has landed."""
+    rest, landed = at_rest(one.samples.q[-1]), len(one.samples.q) - 1
+    for found in direct(one.space, rest, goal):
+        for until in {max(one.braked, one.free), landed}:
+            brake = Samples(*(rows[one.free : until + 1] for rows in rows_of(one.samples)))
+            yield _option([brake, found.samples])
+
+
 def leave_connection(one: CycleThrow, goal: State) -> Connection:
-    """From the release, without a stop, to rest at the next pick or at home."""
+    """From the release to rest at the next pick or at home, if allowed without a stop."""
     start = state_at(one.samples, one.free)
 
     def judge(found: Option) -> Finding | None:
@@ -226,7 +278,9 @@ def leave_connection(one: CycleThrow, goal: State) -> Connection:
         return broken or next(iter(flown), None)
 
     return Connection(
-        (option_of((found,)) for found in direct(one.space, start, goal)),
-        lambda: map(option_of, by_raised(one.space, start, goal)),
+        _fastest(one.space, start, goal),
+        lambda: itertools.chain(
+            _slower(one.space, start, goal, held=False), _after_brake(one, goal)
+        ),
         judge,
     )

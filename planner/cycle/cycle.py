@@ -17,7 +17,15 @@ from ...problems import Pose, Scene, check_arguments
 from ...problems.files import plain
 from ..clearance import SpatialScene
 from ..throw import NO_SAMPLES, TICK, Manipulator, Samples, State, Throw, braked, make_manipulator
-from ..verdict import Finding, Verdict, flight_findings, motion_verdict, verdict
+from ..verdict import (
+    Finding,
+    Verdict,
+    calibrated_landing,
+    flight_findings,
+    motion_verdict,
+    verdict,
+    warnings,
+)
 
 #: What is known of the order of picks, in words.
 ORDERS = {
@@ -109,7 +117,8 @@ class Cycle(ReadOnly):
         """Why the cycle is not solved, or what it takes."""
         if self.refused or not self.verdict.ok:
             return self.refused or self.verdict.words
-        return f"{len(self.steps)} objects in {self.duration:.2f} s"
+        count = len(self.steps)
+        return f"{count} object{'s' if count > 1 else ''} in {self.duration:.2f} s"
 
     @property
     def duration(self) -> float:
@@ -125,6 +134,17 @@ class Cycle(ReadOnly):
     def verdict(self) -> Verdict:
         """All limits that the motion breaks, from rest to rest; times on the cycle's clock."""
         return Verdict(tuple(self._findings()))
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings about the throws, each a sentence after the names of its objects."""
+        found = dict[str, list[str]]()
+        for step, throw in zip(self.steps, self.throws, strict=True):
+            claim = calibrated_landing(throw, throw.target)
+            unlike = () if claim is None else claim.findings
+            for finding in (*warnings(throw.deciding, throw.target), *unlike):
+                found.setdefault(finding.words, []).append(step.pick)
+        return tuple(f"{', '.join(names)}: {words}" for words, names in found.items())
 
     def _part(self, begin: int, end: int) -> Samples:
         """The samples from one to another, both included."""
@@ -187,6 +207,7 @@ class Cycle(ReadOnly):
                 "order": self.order,
                 "steps": each,
                 "findings": [finding.to_dict() for finding in self.verdict.findings],
+                "warnings": self.warnings if self.solved else (),
                 "time": self.time,
             }
         )
@@ -214,7 +235,7 @@ class Cycle(ReadOnly):
             f"  {'same throws, rest to rest':29} {self.stops:7.2f}s {self.stops / count:9.2f}s",
             f"  ratio {self.duration / self.stops:.2f}; planned in {self.time['total']:.1f} s",
         ]
-        return "\n".join(lines)
+        return "\n".join(lines + [f"  warning: {words}" for words in self.warnings])
 
 
 def _later(findings: tuple[Finding, ...], ticks: int) -> Iterator[Finding]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from collections.abc import Iterator, Sequence
@@ -25,6 +26,8 @@ DOWN = -math.pi / 2
 STARTS = 40
 #: Number of solutions of which the nearest to the seed is taken.
 ENOUGH = 5
+#: Solutions [rad] that differ by less are one.
+ALIKE = 0.01
 #: Steps from one start, and the largest one [rad] of a joint.
 STEPS, LONGEST = 60, 0.5
 #: Least damping of a step, and of a step far from the place, as a share of the squared residual.
@@ -54,36 +57,96 @@ def inverse_kinematics(
     InputError if there are no such joints, saying whether the place is out of reach, or what is in
     the way.
     """
-    arm, goal = space.kinematics.arm, np.array(place, float)
-    start = np.array(seed, float)
-    if goal.shape != (3,) or not np.isfinite(goal).all():
-        raise InputError("hand pose: x, y, z must be 3 finite numbers, in m")
-    if start.shape != (arm.joints,) or not np.isfinite(start).all():
-        raise InputError(f"seed: must be {arm.joints} finite numbers, the joints of {arm.name}")
-    if turn is None and angle != DOWN:
-        raise InputError("turn: None only for a hand that points down")
-    reach = _Reach(arm, goal, turn, angle, margin)
-    found, trouble = list[Array](), ""
-    for number, first in enumerate(_starts(space, goal, start)):
-        q = reach.solved(first)
-        if q is None:
-            continue
-        words = _trouble(space, q, held)
-        if not words and number == 0:
+    search = _PoseSearch.of(space, place, turn, seed, angle, held, margin)
+    found = list[Array]()
+    for is_near, q in search.solutions():
+        if is_near:
             return q
-        found += [] if words else [q]
-        trouble = trouble or words
+        found.append(q)
         if len(found) == ENOUGH:
             break
-    if found:
-        velocity = np.array(arm.limits.velocity)
-        return min(found, key=lambda q: float((np.abs(q - start) / velocity).max()))
-    x, y, z = goal
-    where = f"hand pose x = {x:g}, y = {y:g}, z = {z:g}"
-    if turn is not None:
-        where += f", turn_deg = {math.degrees(turn):g}"
-    why = f"where {arm.name} reaches it: {trouble}" if trouble else f"out of reach of {arm.name}"
-    raise InputError(f"{where}: {why}")
+    return search.nearest(found)[0]
+
+
+def hand_poses(
+    space: SpatialScene,
+    place: Sequence[float],
+    turn: float | None,
+    seed: Sequence[float],
+    *,
+    angle: float = DOWN,
+    held: bool = False,
+    margin: float = 0.05,
+) -> list[Array]:
+    """All joints that `inverse_kinematics` finds from its starts, the nearest to the seed first."""
+    search, found = _PoseSearch.of(space, place, turn, seed, angle, held, margin), list[Array]()
+    for _, q in search.solutions():
+        if all(np.abs(q - other).max() > ALIKE for other in found):
+            found.append(q)
+    return search.nearest(found)
+
+
+@dataclass
+class _PoseSearch:
+    """Solutions of a hand pose in which nothing is in the way.
+
+    trouble: why the first solution that breaks a limit is none.
+    """
+
+    space: SpatialScene
+    reach: _Reach
+    seed: Array
+    held: bool
+    trouble: str = ""
+
+    @classmethod
+    def of(
+        cls,
+        space: SpatialScene,
+        place: Sequence[float],
+        turn: float | None,
+        seed: Sequence[float],
+        angle: float,
+        held: bool,
+        margin: float,
+    ) -> _PoseSearch:
+        """InputError for arguments that are none; see `inverse_kinematics`."""
+        arm, goal, start = space.kinematics.arm, np.array(place, float), np.array(seed, float)
+        if goal.shape != (3,) or not np.isfinite(goal).all():
+            raise InputError("hand pose: x, y, z must be 3 finite numbers, in m")
+        if start.shape != (arm.joints,) or not np.isfinite(start).all():
+            raise InputError(f"seed: must be {arm.joints} finite numbers, the joints of {arm.name}")
+        if turn is None and angle != DOWN:
+            raise InputError("turn: None only for a hand that points down")
+        return cls(space, _Reach(arm, goal, turn, angle, margin), start, held)
+
+    def solutions(self) -> Iterator[tuple[bool, Array]]:
+        """Joints (joints,) from each start in turn, and whether that is the seed."""
+        for number, first in enumerate(_starts(self.space, self.reach.place, self.seed)):
+            q = self.reach.solved(first)
+            if q is None:
+                continue
+            q = self.reach.unwound(q, self.seed)
+            words = _trouble(self.space, q, self.held)
+            self.trouble = self.trouble or words
+            if not words:
+                yield number == 0, q
+
+    def nearest(self, found: list[Array]) -> list[Array]:
+        """Solutions by the time in which the slowest joint gets there from the seed; InputError if
+        there are none."""
+        arm, turn = self.reach.arm, self.reach.turn
+        if found:
+            velocity = np.array(arm.limits.velocity)
+            return sorted(found, key=lambda q: float((np.abs(q - self.seed) / velocity).max()))
+        x, y, z = np.round(self.reach.place, 9) + 0.0
+        where = f"hand pose x = {x:g}, y = {y:g}, z = {z:g}"
+        if turn is not None:
+            where += f", turn_deg = {math.degrees(turn):g}"
+        why = f"out of reach of {arm.name}"
+        if self.trouble:
+            why = f"where {arm.name} reaches it: {self.trouble}"
+        raise InputError(f"{where}: {why}")
 
 
 @dataclass(frozen=True)
@@ -96,12 +159,23 @@ class _Reach:
     angle: float
     margin: float
 
-    def solved(self, start: Array) -> Array | None:
-        """Joints of the pose by damped Newton steps from a start; None if these do not reach it."""
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Lowest and highest joints [rad] that are taken."""
         limits = self.arm.limits
         low, high = np.array(limits.position_min), np.array(limits.position_max)
         inset = np.minimum(self.margin, (high - low) / 2)
-        low, high = low + inset, high - inset
+        return low + inset, high - inset
+
+    def unwound(self, q: Array, near: Array) -> Array:
+        """The same pose with joints q (joints,) turned by whole turns towards `near` (joints,)."""
+        (low, high), turn = self.ends, 2 * math.pi
+        other = q - turn * np.round((q - near) / turn)
+        return np.where((low <= other) & (other <= high), other, q)
+
+    def solved(self, start: Array) -> Array | None:
+        """Joints of the pose by damped Newton steps from a start; None if these do not reach it."""
+        low, high = self.ends
         function, turn = _residual(self.arm, self.turn is None), self.turn or 0.0
         q = np.clip(start, low, high)
         for _ in range(STEPS):
@@ -161,7 +235,8 @@ def _trouble(space: SpatialScene, q: Array, held: bool) -> str:
     """Limits that the arm breaks at rest in joints q (joints,), in words."""
     # Two instants at rest: the core measures between instants.
     still = Samples(*(np.array([rows, rows]) for rows in (q, 0 * q, 0 * q)))
-    return motion_verdict(space, still, held=held).words
+    found = motion_verdict(space, still, held=held).findings
+    return "; ".join(dict.fromkeys(dataclasses.replace(each, time=None).words for each in found))
 
 
 def joint_rates(space: SpatialScene, q: Array, velocity: Array) -> Array:

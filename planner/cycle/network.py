@@ -128,14 +128,24 @@ class Network:
 
     def _why(self) -> str:
         """Why there is no order: the first pick that cannot be thrown or reached."""
+        refused, numbers = list[Connection](), range(len(self.throws))
         for p, pick in enumerate(self.jobs.picks):
-            ways = [self.enter(p, c) for c, one in enumerate(self.throws) if one.pick == p]
+            own = [c for c in numbers if self.throws[c].pick == p]
+            ways = [self.enter(p, c) for c in own]
             if all(connection.best is None for connection in ways):
                 return f"{pick.name}: no motion from the pick into a throw: {_words(ways)}"
-            back = [self.leave(c, p) for c in range(len(self.throws))]
-            if all(connection.best is None for connection in back):
+            # The way back from its own throw to a pick is used if there is no other.
+            back = [self.leave(c, p) for c in numbers if c not in own or len(own) == len(numbers)]
+            is_end = self.home is None or len(self.jobs.picks) > 1
+            if is_end and all(connection.best is None for connection in back):
                 return f"{pick.name}: no motion from a throw to the pick: {_words(back)}"
-        return "no order of the picks joins all motions"
+            refused += (each for each in (*ways, *back) if each.best is None)
+        if self.home is not None:
+            ends = [self.leave(c, -1) for c in numbers]
+            if all(connection.best is None for connection in ends):
+                return f"no motion from a throw to home: {_words(ends)}"
+            refused += (each for each in ends if each.best is None)
+        return f"no order of the picks joins all motions: {_words(refused)}"
 
 
 def _words(connections: Sequence[Connection]) -> str:

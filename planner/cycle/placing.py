@@ -7,6 +7,7 @@ way down.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import itertools
@@ -24,31 +25,28 @@ from ..clearance import SpatialScene
 from ..throw import (
     NO_SAMPLES,
     TICK,
-    Limits,
     Samples,
     State,
     joint_limits,
     make_manipulator,
     transfer,
 )
-from ..verdict import Code, Finding, first_finding, grip_use
 from .connections import Connection, CycleThrow, Option, at_rest, joined
 from .cycle import UnsolvedError
-from .inverse_kinematics import DOWN, inverse_kinematics, joint_rates
+from .inverse_kinematics import ALIKE, DOWN, hand_poses, inverse_kinematics, joint_rates
 from .network import Network
 from .planning import with_joints
+from .slowing import slowed_transfer
 
 #: Height [m] above the place from where the hand goes straight down, and to where it rises.
 LIFT = 0.1
 #: Distances [m] from the point at that height at which the hand may pass it, to cut the corner; the
 #: fastest motion is taken.
 CORNERS = (0.02, 0.04)
-#: Share of the speed there from which a joint could just come to rest at the place.
-PASSING = 0.7
-#: Most motions that are judged to find one slow enough, and to quicken it again.
-SLOWINGS, QUICKENINGS = 30, 3
-#: Share of a limit that a slowed motion is to use, and bounds of a slowing's factor.
-AIM, FACTORS = 0.99, (0.5, 0.97)
+#: Shares of the speed there from which a joint could just come to rest at the place.
+PASSINGS = (0.7, 0.9)
+#: Number of solutions of the hand pose in a bin among which each way from a pick chooses.
+SOLUTIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,17 +95,20 @@ def place_jobs(jobs: Jobs) -> Placing:
     """
     jobs = with_joints(jobs)
     places, refused = list[_Place](), dict[str, str]()
-    tried = list[tuple[str, object]]()
+    # Poses in a bin are the same from all picks of objects that are alike.
+    known = list[tuple[str, object, list[_Place]]]()
     for number, pick in enumerate(jobs.picks):
         for one in jobs.bins_of(pick):
-            # What is out of reach for an object is so from each pick.
-            if (one.name, pick.sections) in tried:
-                continue
-            try:
-                places.append(_place(jobs, number, pick, one))
-            except InputError as error:
-                refused[one.name] = str(error)
-                tried.append((one.name, pick.sections))
+            found = next(
+                (p for name, kind, p in known if (name, kind) == (one.name, pick.sections)), None
+            )
+            if found is None:
+                try:
+                    found = _places(jobs, pick, one)
+                except InputError as error:
+                    refused[one.name], found = str(error), []
+                known.append((one.name, pick.sections, found))
+            places += (dataclasses.replace(place, pick=number) for place in _nearest(found, pick))
     done = {place.pick for place in places}
     trouble = ""
     for number, pick in enumerate(jobs.picks):
@@ -152,12 +153,14 @@ class _Place:
             speeds = np.minimum(
                 np.sqrt(2 * np.array(limits.acceleration) * np.abs(left)), limits.velocity
             )
-            dq = np.where(goes_on, PASSING * np.copysign(speeds, left), 0.0)
-            yield State(q, dq, 0.0 * q)
+            for share in PASSINGS:
+                dq = np.where(goes_on, share * np.copysign(speeds, left), 0.0)
+                yield State(q, dq, 0.0 * q)
 
 
-def _place(jobs: Jobs, number: int, pick: Pick, one: Bin) -> _Place:
-    """Joints of a pick's object in a bin; InputError if there are none."""
+def _places(jobs: Jobs, pick: Pick, one: Bin) -> list[_Place]:
+    """Joints of objects like a pick's in a bin, near those of each pick, and others; InputError if
+    there are none."""
     scene = jobs.scene_of(pick, one)
     target = scene.target
     assert target is not None
@@ -175,103 +178,39 @@ def _place(jobs: Jobs, number: int, pick: Pick, one: Bin) -> _Place:
     # About the vertical a bar in line with the hand is the same at any turn.
     upright = abs(angle - DOWN) < 1e-9 and grasp == 0.0
     turn, angle = (None, DOWN) if upright else (plane.azimuth, angle)
+    place, lifted = (plane.points(x, height).tolist() for height in (z, z + LIFT))
     assert pick.joints is not None  # by `with_joints`
-    joints, seed = list[Array](), list(pick.joints)
-    for height in (z, z + LIFT):
-        at = plane.points(x, height).tolist()
-        joints.append(inverse_kinematics(space, at, turn, seed, angle=angle, held=True))
-        seed = joints[-1].tolist()
-    down, above = joints
-    return _Place(number, one.name, space, above, down)
-
-
-# Motions, slowed until the verdict allows them.
-
-
-@dataclass(frozen=True)
-class _Shares:
-    """Shares of the limits: on velocity; on acceleration and jerk of the joints that throw, and of
-    the others, which tilt the object out of the pads' plane."""
-
-    velocity: float = 1.0
-    throwing: float = 1.0
-    aside: float = 1.0
-
-    def limits(self, space: SpatialScene) -> Limits:
-        """The limits of all joints, reduced."""
-        arm = space.kinematics.arm
-        limits, scale = joint_limits(arm, range(1, arm.joints + 1)), np.full(arm.joints, self.aside)
-        scale[np.array(space.kinematics.throwing_joints) - 1] = self.throwing
-        assert limits.jerk is not None
-        ends = limits.q_min, limits.q_max
-        return Limits(*ends, self.velocity * limits.dq, scale * limits.ddq, scale * limits.jerk)
-
-    def smaller(self, finding: Finding, tilts: bool) -> _Shares | None:
-        """Smaller shares against a broken limit; None if slowing does not help.
-
-        tilts: the object is tilted or pulled out of the pads, more than it slips.
-        """
-        low, high = FACTORS
-        factor = min(max(AIM * finding.limit / max(abs(finding.value), 1e-9), low), high)
-        match finding.code:
-            case Code.TOOL_SPEED | Code.JOINT_VELOCITY:
-                return dataclasses.replace(self, velocity=factor * self.velocity)
-            case Code.CARRY if tilts:
-                return dataclasses.replace(self, aside=factor * self.aside)
-            case Code.CARRY | Code.TORQUE | Code.TORQUE_RATE:
-                return _Shares(self.velocity, factor * self.throwing, factor * self.aside)
-        return None
-
-
-def slowed_transfer(space: SpatialScene, start: State, goal: State, *, held: bool) -> Samples:
-    """The fastest motion of all joints between two states of motion that breaks no limit.
-
-    Ruckig's, with its limits reduced until grip (if `held`), torques and tool speed are kept, then
-    raised again as far as that is allowed. Samples (N, joints), both states included. Raises
-    UnsolvedError with the broken limit that no slower motion avoids.
-    """
-    shares, trouble = _Shares(), ""
-    for _ in range(SLOWINGS):
-        found = transfer(shares.limits(space), start, goal)
-        if found is None:
-            break
-        broken = first_finding(space, found.samples, held=held)
-        if broken is None:
-            return _quickened(space, start, goal, held, shares, found.samples)
-        trouble, tilts = broken.words, False
-        if broken.code is Code.CARRY:
-            grip = grip_use(space, found.samples)
-            worst = int(grip.use.argmax())
-            rest = Samples(found.samples.q, *np.zeros((2, *found.samples.q.shape)))
-            if grip_use(space, rest).use.max() > 1.0:
-                break
-            tilts = bool(grip.tilting[worst] + grip.lifting[worst] > grip.friction[worst])
-        smaller = shares.smaller(broken, tilts)
-        if smaller is None:
-            break
-        shares = smaller
-    raise UnsolvedError(trouble or "a state is beyond the limits of the joints")
-
-
-def _quickened(
-    space: SpatialScene, start: State, goal: State, held: bool, shares: _Shares, found: Samples
-) -> Samples:
-    """The motion with larger shares, where these are allowed and as quick."""
-    for name in ("aside", "throwing", "velocity"):
-        low, high = getattr(shares, name), 1.0
-        for _ in range(QUICKENINGS if low < 1.0 else 0):
-            middle = (low + high) / 2
-            larger = dataclasses.replace(shares, **{name: middle})
-            other = transfer(larger.limits(space), start, goal)
-            if (
-                other is not None
-                and other.ticks < len(found.q)
-                and first_finding(space, other.samples, held=held) is None
-            ):
-                shares, found, low = larger, other.samples, middle
-            else:
-                high = middle
+    downs = hand_poses(space, place, turn, pick.joints, angle=angle, held=True)
+    for other in jobs.picks:
+        assert other.joints is not None
+        with contextlib.suppress(InputError):
+            near = inverse_kinematics(space, place, turn, other.joints, angle=angle, held=True)
+            downs.append(near)
+    found, trouble = list[_Place](), InputError("")
+    for down in downs:
+        try:
+            above = inverse_kinematics(space, lifted, turn, down.tolist(), angle=angle, held=True)
+        except InputError as error:
+            trouble = error
+        else:
+            found.append(_Place(0, one.name, space, above, down))
+    if not found:
+        raise trouble
     return found
+
+
+def _nearest(places: Sequence[_Place], pick: Pick) -> list[_Place]:
+    """The places next to a pick, by the time that the slowest joint takes from there."""
+
+    def time(place: _Place) -> float:
+        velocity = np.array(place.space.kinematics.arm.limits.velocity)
+        return float((np.abs(place.down - np.array(pick.joints)) / velocity).max())
+
+    different = list[_Place]()
+    for place in sorted(places, key=time):
+        if all(np.abs(place.down - other.down).max() > ALIKE for other in different):
+            different.append(place)
+    return different[:SOLUTIONS]
 
 
 class _Way(Connection):
@@ -294,7 +233,8 @@ class _Way(Connection):
 
     def _least(self, way: tuple[State, State, State]) -> float:
         """Time [s] by the limits of the joints only."""
-        limits = _Shares().limits(self._place.space)
+        arm = self._place.space.kinematics.arm
+        limits = joint_limits(arm, range(1, arm.joints + 1))
         found = [transfer(limits, *ends) for ends in itertools.pairwise(way)]
         ticks = [math.inf if each is None else each.ticks for each in found]
         return TICK * sum(ticks)

@@ -130,7 +130,10 @@ class _Throws:
             assert target is not None
             # A bin that moves is aimed at where it is in the middle of the cycle.
             goal = target.at(CYCLE_TIME / 2 * len(self.jobs.picks))
-            plan = self._planned(scenes[name], goal, _start(pick, scenes[name]))
+            try:
+                plan = self._planned(scenes[name], goal, _start(pick, scenes[name]))
+            except InputError as error:
+                raise error.within(f"{self.jobs.name}: bin {name!r}") from None
             if plan.solved:
                 self.found.append(CycleThrow(plan, number, name))
             else:

@@ -6,11 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ...problems import Jobs
 from ..throw import TICK, Samples, State
-from .connections import Connection, CycleThrow, Option, joined, leave_connection
+from .connections import Connection, CycleThrow, Option, joined, leave_connection, still
 from .cycle import Cycle, CycleStep, UnsolvedError
 from .entrance import enter_connection
 
@@ -56,7 +54,7 @@ def sequence(
         join = held + len(way.samples.q) - 1
         swing = slice(way.join, one.free + 1)
         thrown = Samples(*(v[swing] for v in (one.samples.q, one.samples.dq, one.samples.ddq)))
-        parts += [_still(state, held - tick), way.samples, thrown, _best(leave).samples]
+        parts += [still(state, held - tick), way.samples, thrown, _best(leave).samples]
         origin = TICK * (join - way.join)
         scene = one.throw.scene.aimed_at(target.at(origin + one.throw.landing_time))
         opening = origin + one.throw.opening_time
@@ -71,11 +69,6 @@ def _best(connection: Connection) -> Option:
     if connection.best is None:
         raise UnsolvedError(f"a motion to meet a moving bin: {connection.trouble}")
     return connection.best
-
-
-def _still(state: State, ticks: int) -> Samples:
-    """Samples at rest, one more than ticks."""
-    return Samples(*(np.tile(row, (ticks + 1, 1)) for row in (state.q, state.dq, state.ddq)))
 
 
 def _meet(

@@ -5,6 +5,7 @@ Throws move in a vertical plane, and `verdict` judges them there; this is for wh
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -12,13 +13,13 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import PadMotion, segment_distance
-from ..clearance import BAR, SpatialScene, bar_ends, bar_radii
+from ..clearance import BAR, Clearance, SpatialScene, bar_ends, bar_radii
 from ..throw import TICK, Samples, Throw, arm_excesses
 from .carry import grip_findings
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .single import FLYING, NEAR, collision
 
-#: Distance [samples] of the instants at which bodies are placed; the core measures between them.
+#: Distance [samples] of the instants by which most motions are found clear of collisions.
 PLACES = 10
 #: Distance [samples] of the instants by which a search refuses most motions.
 COARSE = 8
@@ -32,7 +33,8 @@ def motion_verdict(
     samples: of all joints, (N, joints); held: whether the hand holds the object all the time;
     loads: whether grip, torques and tool speed are judged, too, which an emergency stop may exceed.
     """
-    return Verdict(tuple(_findings(space, samples, held, 1, loads)))
+    limits = _findings(space, samples, held, 1, loads)
+    return Verdict((*limits, *_collisions(space, samples, held)))
 
 
 def first_finding(space: SpatialScene, samples: Samples, *, held: bool) -> Finding | None:
@@ -40,23 +42,29 @@ def first_finding(space: SpatialScene, samples: Samples, *, held: bool) -> Findi
 
     A search refuses most motions by few samples.
     """
-    coarse = next(_findings(space, samples, held, COARSE), None)
-    return next(_findings(space, samples, held, 1), None) if coarse is None else coarse
+    found = itertools.chain(
+        _findings(space, samples, held, COARSE),
+        _collisions(space, samples, held),
+        _findings(space, samples, held, 1),
+    )
+    return next(found, None)
 
 
 def _findings(
     space: SpatialScene, samples: Samples, held: bool, step: int, loads: bool = True
 ) -> Iterator[Finding]:
-    """Broken limits, by every `step`-th sample and the last; those of the joints by all only."""
+    """Broken limits but collisions, by every `step`-th sample and the last; those of the joints,
+    and the grip between samples, by all only."""
     count = len(samples.q)
     rows = np.unique(np.append(np.arange(0, count, step), count - 1))
     states = samples.q[rows], samples.dq[rows], samples.ddq[rows]
     motion = _SpatialMotion(space, TICK * rows, *states, space.spatial.pads(*states), held)
-    for rule in (_tool_speed, _grip, _low, _column, _torque) if loads else (_low, _column):
+    if held and loads:
+        yield from _grip(motion) if step > 1 or count < 2 else _grip_between(motion, samples)
+    for rule in (_tool_speed, _low, _column, _torque) if loads else (_low, _column):
         yield from rule(motion)
     for e in arm_excesses(space.kinematics.arm, samples) if step == 1 else ():
         yield Finding(JOINT_LIMITS[e.kind], e.value, e.limit, e.time, e.joint)
-    yield from _collisions(motion)
 
 
 @dataclass(frozen=True)
@@ -110,8 +118,15 @@ def _torque(motion: _SpatialMotion) -> Iterator[Finding]:
 
 
 def _grip(motion: _SpatialMotion) -> Iterator[Finding]:
-    if motion.held:
-        yield from grip_findings(motion.space, motion.pads, motion.times)
+    return grip_findings(motion.space, motion.pads, motion.times)
+
+
+def _grip_between(motion: _SpatialMotion, samples: Samples) -> Iterator[Finding]:
+    """The grip at all samples, and in the middle between two: where a jerk changes there, the
+    object accelerates more."""
+    space, times = motion.space, np.linspace(0.0, samples.times[-1], 2 * len(samples.q) - 1)
+    pads = space.spatial.pads(*(rows.T for rows in samples.path.at(times)))
+    return grip_findings(space, pads, times)
 
 
 def _low(motion: _SpatialMotion) -> Iterator[Finding]:
@@ -136,15 +151,23 @@ def _column(motion: _SpatialMotion) -> Iterator[Finding]:
         yield Finding(Code.COLUMN, float(room.min()), 0.0, float(motion.times[room.argmin()]), BAR)
 
 
-def _collisions(motion: _SpatialMotion) -> Iterator[Finding]:
-    space, count = motion.space, len(motion.times)
-    step = max(round(count * PLACES * TICK / max(motion.times[-1], TICK)), 1)
-    places = np.unique(np.append(np.arange(0, count, step), count - 1))
-    if len(places) < 2 or (space.manipulator.capsules is None and not space.scene.obstacle):
+def _collisions(space: SpatialScene, samples: Samples, held: bool) -> Iterator[Finding]:
+    """Bodies too near to each other.
+
+    The core takes off half the way between two instants, so what few instants do not clear, all
+    samples decide.
+    """
+    if len(samples.q) < 2 or (space.manipulator.capsules is None and not space.scene.obstacle):
         return
-    bar = space.held_ends(motion.pads)[..., places] if motion.held else None
-    track = space.bodies(motion.q[places], motion.times[places], bar)
-    yield from map(collision, space.around.clearances(track))
+    pairs = list[Clearance]()
+    for step in (PLACES, 1):
+        rows = np.unique(np.append(np.arange(0, len(samples.q), step), len(samples.q) - 1))
+        q, dq, ddq = samples.q[rows], samples.dq[rows], samples.ddq[rows]
+        bar = space.held_ends(space.spatial.pads(q, dq, ddq)) if held else None
+        pairs = space.around.clearances(space.bodies(q, TICK * rows, bar))
+        if not pairs:
+            break
+    yield from map(collision, pairs)
 
 
 def flight_gaps(space: SpatialScene, throw: Throw, samples: Samples, begins: float) -> Array:
