@@ -111,7 +111,7 @@ def test_an_outline_of_a_pick_replaces_the_scene_s_width(tmp_path: Path) -> None
 
 def test_throws_unlike_the_calibrated_ones_are_warned_of(cycled: Path) -> None:
     cycle = read_cycle(cycled)
-    assert not cycle.warnings
+    assert not any("[calibration]" in words for words in cycle.warnings)
     known = dict.fromkeys(("x", "theta", "position", "angle"), 0.0)
     known |= {"x_interval": (0.0, 0.0), "theta_interval": (0.0, 0.0), "throws": 20, "level": 0.9}
     known |= {"speed": (0.1, 0.2), "rate": (-20.0, 20.0), "mass": 0.24, "com": 0.1, "force": 120.0}
@@ -120,7 +120,7 @@ def test_throws_unlike_the_calibrated_ones_are_warned_of(cycled: Path) -> None:
         dataclasses.replace(step, scene=step.scene.replace(calibration=Calibration(**known)))
         for step in cycle.steps
     )
-    found = dataclasses.replace(cycle, steps=steps).warnings
+    found = set(dataclasses.replace(cycle, steps=steps).warnings) - set(cycle.warnings)
     assert all("[calibration] does not hold here: speed at detach" in words for words in found)
     names = {name for words in found for name in words.partition(":")[0].split(", ")}
     assert names == {"part", "other part"}
