@@ -1,5 +1,5 @@
-"""The releases of a table as starts for one target: the nearest landings, those clear of obstacles
-first."""
+"""The releases of a table as starts for one target: the nearest landings, and near ones of
+different motions."""
 
 from __future__ import annotations
 
@@ -23,8 +23,11 @@ from .nlp_cache import NlpCache, Task
 STARTS = (("ipopt", 1), ("fatrop", 6), ("ipopt", 4))
 #: Most sampled releases from which throws to a region are solved, to find the cheapest.
 REGION_STARTS = 8
-#: Nearest sampled throws that are checked for collisions with obstacles.
-CLEARED = 40
+#: Nearest sampled throws of which starts are chosen, and of which collisions with obstacles are
+#: checked.
+NEAR, CLEARED = 200, 40
+#: Two releases differ if a coordinate does by this share of its range among the near ones.
+DIFFERENT = 0.25
 #: Most sampled throws that are judged.
 JUDGED = 150
 #: Judging ends with this number of sampled throws that break nothing.
@@ -49,16 +52,28 @@ class Candidates:
         return starts(self.releases, task.scene, task.target, task.turns, most)
 
     @cached_property
-    def clearest(self) -> list[tuple[int, Pose, float]]:
-        """The nearest landings; with obstacles, of `CLEARED` the least deep in one first."""
-        task, scene = self.task, self.task.scene
-        if not scene.obstacle:
-            return self.nearest
-        with task.clock("guess"):
-            found = starts(self.releases, scene, task.target, task.turns, CLEARED)
-            depths = [in_obstacles(scene, self.manipulator, self.releases, i) for i, _, _ in found]
-        order = np.argsort([far + deep for (*_, far), deep in zip(found, depths, strict=True)])
-        return [found[i] for i in order]
+    def different(self) -> list[tuple[int, Pose, float]]:
+        """Near landings of releases whose coordinates differ, as different motions reach a target.
+
+        With obstacles, those of `CLEARED` that are least deep in one come first.
+        """
+        task, scene, chosen = self.task, self.task.scene, list[int]()
+        count = CLEARED if scene.obstacle else NEAR
+        found = starts(self.releases, scene, task.target, task.turns, count)
+        if scene.obstacle:
+            with task.clock("guess"):
+                depths = [
+                    in_obstacles(scene, self.manipulator, self.releases, i) for i, *_ in found
+                ]
+            deep = [far + depth for (*_, far), depth in zip(found, depths, strict=True)]
+            found = [found[i] for i in np.argsort(deep)]
+        q = self.releases.q[[index for index, *_ in found]]
+        apart = DIFFERENT * np.ptp(q, axis=0) if len(q) else 0.0
+        for k in range(len(found)):
+            if (np.abs(q[chosen] - q[k]) > apart).any(axis=1).all():
+                chosen.append(k)
+        others = sorted(set(range(len(found))) - set(chosen))
+        return [found[k] for k in (*chosen, *others)]
 
     @cached_property
     def arriving(self) -> Candidates:

@@ -283,14 +283,14 @@ def _from_samples(
     search: Search, history: History, counts: Sequence[tuple[str, int]]
 ) -> Try | None:
     """The next release that was not tried; counts: of the releases, by solver in order."""
-    task, candidates = search.task, search.candidates
+    task, candidates = search.task, search.arriving
     tried = {
         (one.start.solver, one.release, one.start.goal) for one in history.solves_from("samples")
     }
     for solver, count in counts:
         if solver not in task.solvers:
             continue
-        for index, goal, _ in candidates.clearest[: count * task.wanted]:
+        for index, goal, _ in candidates.different[: count * task.wanted]:
             key = candidates.key(index)
             if (solver, key, goal) not in tried:
                 start = release_start(
