@@ -18,6 +18,8 @@ from ..clearance import SpatialScene
 from ..throw import Samples
 from ..verdict import motion_verdict
 
+#: Distance [rad] of solutions from the ends of the joints' ranges.
+MARGIN = 0.05
 #: Residual [m; 1] of a solution: of the pads' centre and of their axes.
 CLOSE = 1e-9
 #: Angle [rad] of a hand that points down, in a throw's plane.
@@ -43,7 +45,7 @@ def inverse_kinematics(
     *,
     angle: float = DOWN,
     held: bool = False,
-    margin: float = 0.05,
+    margin: float = MARGIN,
 ) -> Array:
     """Joints (joints,) [rad] that hold the pads' centre at a place, the hand pointing down.
 
@@ -76,7 +78,7 @@ def hand_poses(
     *,
     angle: float = DOWN,
     held: bool = False,
-    margin: float = 0.05,
+    margin: float = MARGIN,
 ) -> list[Array]:
     """All joints that `inverse_kinematics` finds from its starts, the nearest to the seed first."""
     search, found = _PoseSearch.of(space, place, turn, seed, angle, held, margin), list[Array]()
@@ -84,6 +86,20 @@ def hand_poses(
         if all(np.abs(q - other).max() > ALIKE for other in found):
             found.append(q)
     return search.nearest(found)
+
+
+def throwing_pose(
+    space: SpatialScene, place: Sequence[float], turn: float | None, seed: Sequence[float]
+) -> Array:
+    """Joints as of `inverse_kinematics` with the object in a hand that points down; of several the
+    one whose joints that do not throw are next to the seed, from where throws start at once."""
+    search = _PoseSearch.of(space, place, turn, seed, DOWN, held=True, margin=MARGIN)
+    found = list[Array]()
+    for is_near, q in search.solutions():
+        if is_near:
+            return q
+        found.append(search.as_thrown(q))
+    return min(search.nearest(found), key=lambda q: round(search.aside(q), 1))
 
 
 @dataclass
@@ -126,11 +142,32 @@ class _PoseSearch:
             q = self.reach.solved(first)
             if q is None:
                 continue
-            q = self.reach.unwound(q, self.seed)
             words = _trouble(self.space, q, self.held)
             self.trouble = self.trouble or words
             if not words:
                 yield number == 0, q
+
+    def as_thrown(self, q: Array) -> Array:
+        """The same pose without whole turns: of joints that do not throw those away from the seed;
+        of those that do, if the others are near it, those beyond the hand's angle in the plane,
+        from which the landing's angle counts."""
+        (low, high), turn, kinematics = self.reach.ends, 2 * math.pi, self.space.kinematics
+        throwing = np.array(kinematics.throwing_joints) - 1
+        other = q - turn * np.round((q - self.seed) / turn)
+        other[throwing] = q[throwing]
+        beyond = kinematics.theta + kinematics.link_angles(list(q[throwing]))[-1] - self.reach.angle
+        if self.aside(other) < turn / 4:
+            for joint, sign in zip(throwing, kinematics.signs, strict=True):
+                unwound = q[joint] - sign * turn * round(beyond / turn)
+                if low[joint] <= unwound <= high[joint]:
+                    other[joint] = unwound
+                    break
+        return np.where((low <= other) & (other <= high), other, q)
+
+    def aside(self, q: Array) -> float:
+        """Largest distance [rad] from the seed of a joint that does not throw."""
+        throwing = np.array(self.space.kinematics.throwing_joints) - 1
+        return float(np.abs(np.delete(q - self.seed, throwing)).max())
 
     def nearest(self, found: list[Array]) -> list[Array]:
         """Solutions by the time in which the slowest joint gets there from the seed; InputError if
@@ -166,12 +203,6 @@ class _Reach:
         low, high = np.array(limits.position_min), np.array(limits.position_max)
         inset = np.minimum(self.margin, (high - low) / 2)
         return low + inset, high - inset
-
-    def unwound(self, q: Array, near: Array) -> Array:
-        """The same pose with joints q (joints,) turned by whole turns towards `near` (joints,)."""
-        (low, high), turn = self.ends, 2 * math.pi
-        other = q - turn * np.round((q - near) / turn)
-        return np.where((low <= other) & (other <= high), other, q)
 
     def solved(self, start: Array) -> Array | None:
         """Joints of the pose by damped Newton steps from a start; None if these do not reach it."""

@@ -16,7 +16,7 @@ from ..result import Plan
 from ..throw import State, make_manipulator
 from .connections import CycleThrow, at_rest
 from .cycle import Cycle, UnsolvedError
-from .inverse_kinematics import inverse_kinematics
+from .inverse_kinematics import throwing_pose
 from .network import Network
 from .order import EXACT
 from .sequence import sequence
@@ -102,7 +102,7 @@ def _joints_over(jobs: Jobs, pick: Pick, place: tuple[float, float, float], near
     near[arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
     space, turn = SpatialScene(scene, make_manipulator(scene)), pick.turn
     turn = azimuth if turn is None else turn
-    return inverse_kinematics(space, place, turn, near.tolist(), held=True)
+    return throwing_pose(space, place, turn, near.tolist())
 
 
 class _Throws:

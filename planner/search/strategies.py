@@ -248,7 +248,8 @@ def from_nearest_samples(search: Search, history: History) -> Try | None:
         return None
     compares = search.task.target.is_region and history.found
     count = REGION_STARTS if compares else SETTINGS.first_starts
-    return _from_samples(search, history, [(search.task.solvers[0], count)])
+    first = [(search.task.solvers[0], count)]
+    return _from_samples(search, history, search.candidates, first)
 
 
 def from_library(search: Search, history: History) -> Try | None:
@@ -273,17 +274,17 @@ def from_beside(search: Search, history: History) -> Try | None:
 
 
 def from_samples(search: Search, history: History) -> Try | None:
-    """A solver's start from a sampled release, in the order of `STARTS`."""
+    """A solver's start from a sampled release that arrives well, in the order of `STARTS`."""
     if search.blocked or search.is_settled(history):
         return None
-    return _from_samples(search, history, STARTS)
+    return _from_samples(search, history, search.arriving, STARTS)
 
 
 def _from_samples(
-    search: Search, history: History, counts: Sequence[tuple[str, int]]
+    search: Search, history: History, candidates: Candidates, counts: Sequence[tuple[str, int]]
 ) -> Try | None:
-    """The next release that was not tried; counts: of the releases, by solver in order."""
-    task, candidates = search.task, search.arriving
+    """The next release that was not tried; counts: of the candidates, by solver in order."""
+    task = search.task
     tried = {
         (one.start.solver, one.release, one.start.goal) for one in history.solves_from("samples")
     }

@@ -86,16 +86,6 @@ def test_reachable_poses_are_found(name: str) -> None:
     assert count_found(name, 8) == 8
 
 
-def test_joints_are_not_wound_away_from_the_seed() -> None:
-    """The Gen3's joints 1, 3, 5 and 7 turn more than once: a whole turn is not taken."""
-    space = space_of("gen3")
-    for place, turn, _ in reachable("gen3", 3):
-        seed = np.array(space.kinematics.arm.posture)
-        joints = inverse_kinematics(space, place.tolist(), turn, seed.tolist(), margin=MARGIN)
-        assert np.abs(joints - seed)[[0, 2, 4, 6]].max() <= math.pi + 1e-9
-        check_pose(space, joints, place, turn)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
 def test_nearly_all_of_200_reachable_poses_are_found(name: str) -> None:

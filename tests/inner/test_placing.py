@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import varied
+from job_lists import ONE
 from throwplan.planner.clearance import SpatialScene
 from throwplan.planner.cycle import Placing, UnsolvedError, place_jobs, slowed_transfer
+from throwplan.planner.cycle.planning import with_joints
 from throwplan.planner.throw import (
     TICK,
     Samples,
@@ -130,6 +132,22 @@ def test_an_object_is_laid_down_at_its_angle(tmp_path: Path) -> None:
     pads = space.kinematics.arm.placed(found.samples.q[found.carried[0][1]])[-1]
     ahead = [math.cos(angle) * math.cos(azimuth), math.cos(angle) * math.sin(azimuth)]
     np.testing.assert_allclose(pads[:3, 2], [*ahead, math.sin(angle)], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["ur5e", "gen3", "pose"])
+def test_a_pick_is_taken_in_the_posture_of_throws(name: str, tmp_path: Path) -> None:
+    """Joints that do not throw as in throws towards it, and the hand at -90 degrees: a shoulder
+    that turns more than once could also hold it a whole turn further."""
+    file = tmp_path / "jobs.toml"
+    file.write_text(ONE.replace('"pose"', f'"{name}"').replace("z = 0.35", "z = 0.4"))
+    jobs = with_joints(load_jobs(file))
+    arm, joints = jobs.arm, np.array(jobs.picks[0].joints)
+    kinematics = make_manipulator(tp.load_scene(name)).kinematics
+    throwing = np.array(kinematics.throwing_joints) - 1
+    aside = np.delete(joints - arm.posture, [*throwing, arm.azimuth_joint - 1])
+    assert np.abs(aside).max() < 0.2
+    angle = kinematics.theta + kinematics.link_angles(list(joints[throwing]))[-1]
+    assert angle == pytest.approx(-math.pi / 2, abs=0.2)
 
 
 # Slowed.
