@@ -286,6 +286,15 @@ def test_a_target_millimetres_within_the_edge_is_solved(x: float, theta: float) 
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("x", "theta"), [(1.11923, 1.69438), (1.0936, 0.9598)])
+def test_where_the_nearest_motions_end_short_another_kind_is_found(x: float, theta: float) -> None:
+    """Releases that land nearest lead up to 10 mm beside these, "limited by cup clearance"."""
+    planner = tp.Planner("cup", library=False)
+    plan = planner.plan(planner.scene.target.in_plane(x, theta), patience=60.0)
+    assert plan.solved, plan.message
+
+
+@pytest.mark.slow
 def test_a_landing_once_named_is_named_again_for_targets_beyond() -> None:
     planner = tp.Planner("cup", library=False)
     target = planner.scene.target
