@@ -19,8 +19,9 @@ from .attempt import Start
 from .guess import guess_from
 from .nlp_cache import NlpCache, Task
 
-#: (solver, number of sampled releases it starts from for each wanted throw), in order.
-STARTS = (("ipopt", 1), ("fatrop", 6), ("ipopt", 4))
+#: (solver, number of sampled releases, and of those that arrive well, that it starts from for each
+#: wanted throw), in order.
+STARTS = (("ipopt", 1), ("fatrop", 4), ("ipopt", 2))
 #: Most sampled releases from which throws to a region are solved, to find the cheapest.
 REGION_STARTS = 8
 #: Nearest sampled throws of which starts are chosen, and of which collisions with obstacles are
@@ -47,7 +48,7 @@ class Candidates:
     @cached_property
     def nearest(self) -> list[tuple[int, Pose, float]]:
         """(release, goal, pose error [m]) of the nearest landings."""
-        task, most = self.task, max(count for _, count in STARTS)
+        task, most = self.task, 2 * max(count for _, count in STARTS)
         most = (REGION_STARTS if task.target.is_region else most) * task.wanted
         return starts(self.releases, task.scene, task.target, task.turns, most)
 

@@ -171,12 +171,10 @@ class Search:
         throw of the library, nor a sampled one that arrives as a throw to the target would, lands
         nearer to it.
         """
-        task, edges, library = self.task, history.edges, self.context.library
+        edges, library = history.edges, self.context.library
         if not edges:
             return False
-        known = [one.distance for one in self._nearest(library, 1, math.inf)]
-        known += [one.distance for one in library.nearest_of_boundary(task.target, task.turns, 1)]
-        least, ratio = edges[0].missed, SETTINGS.equal_ratio
+        known, least, ratio = self._stored_distances, edges[0].missed, SETTINGS.equal_ratio
         new = [one.missed for one in history.new_edges]
         is_close = least < SETTINGS.close_distance and not len(library)
         is_new = bool(new) and new[0] <= ratio * least
@@ -185,17 +183,30 @@ class Search:
         is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
         if not (agree or is_vain):
             return False
-        known += [away for _, _, away in self.arriving.nearest]
-        return least <= ratio * min(known, default=math.inf) + task.scene.tolerance.position
+        return self._is_nearest(least)
+
+    @property
+    def _stored_distances(self) -> list[float]:
+        """Pose errors [m] of the library's nearest throw and of the nearest of its boundary."""
+        task, library = self.task, self.context.library
+        boundary = library.nearest_of_boundary(task.target, task.turns, 1)
+        return [one.distance for one in (*self._nearest(library, 1, math.inf), *boundary)]
+
+    def _is_nearest(self, missed: float) -> bool:
+        """Whether no throw of the library, nor a sampled one that arrives well, lands nearer."""
+        known = [*self._stored_distances, *(away for _, _, away in self.arriving.nearest)]
+        ratio, most = SETTINGS.equal_ratio, self.task.scene.tolerance.position
+        return missed <= ratio * min(known, default=math.inf) + most
 
     def is_out_of_reach(self, history: History) -> bool:
         """Whether the nearest landing, once no try is left, is a reason to call the target so.
 
-        Millimetres from it another motion may still reach the target.
+        Millimetres from it another motion may still reach the target; nor does it count where a
+        known throw lands nearer.
         """
-        far = history.edges[0].missed >= SETTINGS.same_distance
-        ended = far and not self.task.clock.late
-        return self.blocked or ended or self.is_settled(history)
+        least = history.edges[0].missed
+        ended = least >= SETTINGS.same_distance and not self.task.clock.late
+        return self.blocked or self.is_settled(history) or (ended and self._is_nearest(least))
 
     def remember(self, history: History) -> None:
         """Keeps the throws found, or the nearest landing, for later plans."""
@@ -248,8 +259,7 @@ def from_nearest_samples(search: Search, history: History) -> Try | None:
         return None
     compares = search.task.target.is_region and history.found
     count = REGION_STARTS if compares else SETTINGS.first_starts
-    first = [(search.task.solvers[0], count)]
-    return _from_samples(search, history, search.candidates, first)
+    return _from_samples(search, history, (search.candidates,), [(search.task.solvers[0], count)])
 
 
 def from_library(search: Search, history: History) -> Try | None:
@@ -274,16 +284,19 @@ def from_beside(search: Search, history: History) -> Try | None:
 
 
 def from_samples(search: Search, history: History) -> Try | None:
-    """A solver's start from a sampled release that arrives well, in the order of `STARTS`."""
+    """A solver's start from a sampled release, then from one that arrives well, by each solver."""
     if search.blocked or search.is_settled(history):
         return None
-    return _from_samples(search, history, search.arriving, STARTS)
+    return _from_samples(search, history, (search.candidates, search.arriving), STARTS)
 
 
 def _from_samples(
-    search: Search, history: History, candidates: Candidates, counts: Sequence[tuple[str, int]]
+    search: Search,
+    history: History,
+    tables: Sequence[Candidates],
+    counts: Sequence[tuple[str, int]],
 ) -> Try | None:
-    """The next release that was not tried; counts: of the candidates, by solver in order."""
+    """The next release that was not tried; counts: of each table's, by solver in order."""
     task = search.task
     tried = {
         (one.start.solver, one.release, one.start.goal) for one in history.solves_from("samples")
@@ -291,15 +304,16 @@ def _from_samples(
     for solver, count in counts:
         if solver not in task.solvers:
             continue
-        for index, goal, _ in candidates.different[: count * task.wanted]:
-            key = candidates.key(index)
-            if (solver, key, goal) not in tried:
-                start = release_start(
-                    search.context.problems, task, candidates.releases, index, goal
-                )
-                refinement = search.refinement(history)
-                start = replace(start, solver=solver, refinement=refinement)
-                return Solve(start, "samples", key)
+        for table in tables:
+            for index, goal, _ in table.different[: count * task.wanted]:
+                key = table.key(index)
+                if (solver, key, goal) not in tried:
+                    start = release_start(
+                        search.context.problems, task, table.releases, index, goal
+                    )
+                    refinement = search.refinement(history)
+                    start = replace(start, solver=solver, refinement=refinement)
+                    return Solve(start, "samples", key)
     return None
 
 
