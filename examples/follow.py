@@ -94,7 +94,7 @@ def recorded(arm: Arm, motion: JointMotion) -> Recording:
     states = [(motion.q[0], 0 * motion.q[0]), *(arm.step(q) for q in sent[:-1])]
     q, dq = (np.array(values) for values in zip(*states, strict=True))
     times = TICK * np.arange(len(sent))
-    return Recording(times, q, dq, sent, 0 * times, motion.throw.command_time)
+    return Recording(times, q, dq, sent, 0 * times, (motion.throw.command_time,))
 
 
 def error(plan: Throw, q: np.ndarray, opening_time: float, cup: Cup) -> float:

@@ -22,14 +22,14 @@ class SearchSettings:
     max_distance, warm_distance: largest distance of a throw that is moved, and of a warm plan.
     near_distance: within it a warm plan's solution needs few iterations. comparable: further
     solutions for a region are corrected up to this multiple of the least cost. first_starts:
-    sampled starts solved before throws beside the target are brought to it. approaches: solved
-    throws brought as near to the target as limits allow. same_distance: a throw within it of one
-    that is kept is not kept; without a library, a target within it of the nearest landing is not
-    called out of reach. close_distance: a target within it of the nearest landing may be in reach
-    of another motion. A target is out of reach if its `equal_landings` nearest landings have
-    distances within a factor of `equal_ratio`, or if there is a nearest landing and `vain_starts`
-    sampled starts lead nowhere. An approach that limits hold farther off than `hopeless` times the
-    nearest landing ends.
+    sampled starts, and those of them that arrive well, solved before throws beside the target are
+    brought to it. approaches: solved throws brought as near to the target as limits allow.
+    same_distance: a throw within it of one that is kept is not kept; without a library, a target
+    within it of the nearest landing is not called out of reach. close_distance: a target within it
+    of the nearest landing may be in reach of another motion. A target is out of reach if its
+    `equal_landings` nearest landings have distances within a factor of `equal_ratio`, or if there
+    is a nearest landing and `vain_starts` sampled starts lead nowhere. An approach that limits hold
+    farther off than `hopeless` times the nearest landing ends.
     """
 
     moves: int = 4
@@ -38,11 +38,11 @@ class SearchSettings:
     warm_distance: float = 0.06
     near_distance: float = 0.005
     comparable: float = 1.02
-    first_starts: int = 2
+    first_starts: int = 1
     approaches: int = 2
     same_distance: float = 0.005
     close_distance: float = 0.03
-    vain_starts: int = 9
+    vain_starts: int = 8
     equal_landings: int = 2
     equal_ratio: float = 1.1
     hopeless: float = 3.0

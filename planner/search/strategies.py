@@ -183,7 +183,8 @@ class Search:
         is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
         if not (agree or is_vain):
             return False
-        return self._is_nearest(least)
+        known += [away for _, _, away in self.arriving.nearest]
+        return least <= ratio * min(known, default=math.inf) + self.task.scene.tolerance.position
 
     @property
     def _stored_distances(self) -> list[float]:
@@ -192,21 +193,14 @@ class Search:
         boundary = library.nearest_of_boundary(task.target, task.turns, 1)
         return [one.distance for one in (*self._nearest(library, 1, math.inf), *boundary)]
 
-    def _is_nearest(self, missed: float) -> bool:
-        """Whether no throw of the library, nor a sampled one that arrives well, lands nearer."""
-        known = [*self._stored_distances, *(away for _, _, away in self.arriving.nearest)]
-        ratio, most = SETTINGS.equal_ratio, self.task.scene.tolerance.position
-        return missed <= ratio * min(known, default=math.inf) + most
-
     def is_out_of_reach(self, history: History) -> bool:
         """Whether the nearest landing, once no try is left, is a reason to call the target so.
 
-        Millimetres from it another motion may still reach the target; nor does it count where a
-        known throw lands nearer.
+        Millimetres from it another motion may still reach the target.
         """
-        least = history.edges[0].missed
-        ended = least >= SETTINGS.same_distance and not self.task.clock.late
-        return self.blocked or self.is_settled(history) or (ended and self._is_nearest(least))
+        far = history.edges[0].missed >= SETTINGS.same_distance
+        ended = far and not self.task.clock.late
+        return self.blocked or ended or self.is_settled(history)
 
     def remember(self, history: History) -> None:
         """Keeps the throws found, or the nearest landing, for later plans."""
@@ -254,12 +248,16 @@ def from_warm_plan(search: Search, history: History) -> Try | None:
 
 
 def from_nearest_samples(search: Search, history: History) -> Try | None:
-    """A solver's start from one of few sampled releases that land near the target."""
+    """A solver's start from one of few sampled releases: those that land nearest, then those of
+    them that arrive well."""
     if search.blocked or search.is_settled(history):
         return None
     compares = search.task.target.is_region and history.found
     count = REGION_STARTS if compares else SETTINGS.first_starts
-    return _from_samples(search, history, (search.candidates,), [(search.task.solvers[0], count)])
+    solver = search.task.solvers[0]
+    nearest = _from_samples(search, history, (search.candidates,), [(solver, count)])
+    few = [(solver, SETTINGS.first_starts)]
+    return nearest or _from_samples(search, history, (search.arriving,), few)
 
 
 def from_library(search: Search, history: History) -> Try | None:
@@ -284,10 +282,10 @@ def from_beside(search: Search, history: History) -> Try | None:
 
 
 def from_samples(search: Search, history: History) -> Try | None:
-    """A solver's start from a sampled release, then from one that arrives well, by each solver."""
+    """A solver's start from a sampled release that arrives well, then from any, by each solver."""
     if search.blocked or search.is_settled(history):
         return None
-    return _from_samples(search, history, (search.candidates, search.arriving), STARTS)
+    return _from_samples(search, history, (search.arriving, search.candidates), STARTS)
 
 
 def _from_samples(
