@@ -17,7 +17,7 @@ from . import shapes
 from .clearance import ADJACENT, Flight, Solid
 from .files import columns_of
 from .judge import Judged, Oracle, joint_limits
-from .motion import TICK, Array, Frame, Samples, frames_of, quintics
+from .motion import TICK, Array, Frame, Samples, frames_of, link_inertia, quintics
 
 #: Largest landing error (position [m], angle [rad]) beyond the scene's tolerance.
 LANDING = 2e-4, math.radians(0.05)
@@ -31,7 +31,7 @@ COLUMN_NEAR = 1e-3
 EVERY = 2
 #: Step [s] of the differences that give the object's acceleration.
 STEP = 1e-4
-#: Allowed excess over the grip, which the planner takes at the samples only.
+#: Allowed excess over the grip, which the planner takes at the samples and between two.
 GRIP_EXCESS = 2e-3
 #: Number of points along an axis at which it is compared with the base column.
 ALONG = 41
@@ -331,10 +331,8 @@ def _load(scene: Any, thing: Carried, pads: Frame) -> Array:
     """Force and torque at the pads (K, 6), by Newton and Euler."""
     place, _, a = pads.point(thing.com)
     force = scene.object.mass * (a + np.array([0.0, 0.0, scene.gravity]))
-    inertia = pads.axes @ thing.inertia @ pads.axes.transpose(0, 2, 1)
-    spin = (inertia @ pads.omega[..., None])[..., 0]
-    torque = (inertia @ pads.alpha[..., None])[..., 0] + np.cross(pads.omega, spin)
-    return np.hstack([force, torque + np.cross(place - pads.origin, force)])
+    torque = pads.moment(thing.inertia) + np.cross(place - pads.origin, force)
+    return np.hstack([force, torque])
 
 
 def _torque(arm: Any, frames: list[Frame], j: int, gravity: float, load: Array) -> Array:
@@ -343,13 +341,8 @@ def _torque(arm: Any, frames: list[Frame], j: int, gravity: float, load: Array) 
     axis, total = joint.axes[:, :, 2], np.zeros(len(load))
     for frame, link in zip(frames[j + 1 : -1], arm.links[j:], strict=True):
         place, _, a = frame.point(link.com)
-        xx, xy, xz, yy, yz, zz = link.inertia
-        inertia = frame.axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        inertia = inertia @ frame.axes.transpose(0, 2, 1)
-        spin = (inertia @ frame.omega[..., None])[..., 0]
-        moment = (inertia @ frame.alpha[..., None])[..., 0] + np.cross(frame.omega, spin)
         push = link.mass * (a + np.array([0.0, 0.0, gravity]))
-        moment += np.cross(place - joint.origin, push)
+        moment = frame.moment(link_inertia(link)) + np.cross(place - joint.origin, push)
         total += (axis * moment).sum(axis=1)
     moment = load[:, 3:] + np.cross(pads.origin - joint.origin, load[:, :3])
     return np.asarray(total + (axis * moment).sum(axis=1))

@@ -172,6 +172,12 @@ class Frame:
         turning = np.cross(self.alpha, r) + np.cross(self.omega, spin)
         return self.origin + r, self.v + spin, self.a + turning
 
+    def moment(self, inertia: Array) -> Array:
+        """Torque (K, 3) about its CoM of a body that moves along; inertia (3, 3): in the frame."""
+        turned = self.axes @ inertia @ self.axes.transpose(0, 2, 1)
+        spin = (turned @ self.omega[..., None])[..., 0]
+        return (turned @ self.alpha[..., None])[..., 0] + np.cross(self.omega, spin)
+
     def fixed(self, place: Any, turn: Array) -> Frame:
         """A frame that moves along, at a place and turned in this one."""
         p, v, a = self.point(place)
@@ -292,11 +298,7 @@ class ArmMotion:
             axis = turning.axes[:, :, 2]
             for frame, link in zip(frames[joint + 1 : -1], self.arm.links[joint:], strict=True):
                 place, _, a = frame.point(link.com)
-                xx, xy, xz, yy, yz, zz = link.inertia
-                inertia = frame.axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-                inertia = inertia @ frame.axes.transpose(0, 2, 1)
-                spin = (inertia @ frame.omega[..., None])[..., 0]
-                moment = (inertia @ frame.alpha[..., None])[..., 0] + np.cross(frame.omega, spin)
+                moment = frame.moment(link_inertia(link))
                 moves = np.cross(axis, place - turning.origin)
                 force = link.mass * (a + np.array([0.0, 0.0, gravity]))
                 total += (axis * moment + moves * force).sum(axis=1)
@@ -314,6 +316,12 @@ class ArmMotion:
         frames = self.frames(t)
         ends = [[frames[c.link].point(e)[0] for e in (c.begin, c.end)] for c in self.arm.capsules]
         return np.array(ends).reshape(-1, 2, t.size, 3)
+
+
+def link_inertia(link: Any) -> Array:
+    """Inertia (3, 3) [kg m^2] of a link about its CoM, in its frame."""
+    xx, xy, xz, yy, yz, zz = link.inertia
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 class HandMotion:

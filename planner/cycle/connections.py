@@ -13,33 +13,16 @@ import numpy as np
 from ...models import Array
 from ..clearance import SpatialScene
 from ..result import Plan, joint_samples, sent_throw
-from ..throw import (
-    TICK,
-    Samples,
-    State,
-    Throw,
-    Transfer,
-    joint_limits,
-    transfer,
-)
+from ..throw import TICK, Samples, State, Throw, Transfer, joint_limits, transfer
 from ..verdict import Finding, first_finding, flight_findings, flight_gaps
 from .cycle import UnsolvedError
 from .slowing import slowed_transfer
 
 #: Shares of the limits on velocity, and on acceleration and jerk, that are tried.
 SHARES = (
-    *(
-        (1.0, 1.0),
-        (0.98, 1.0),
-        (0.95, 1.0),
-        (0.92, 1.0),
-        (0.88, 1.0),
-        (0.8, 1.0),
-        (0.7, 1.0),
-        (1.0, 0.8),
-        (0.9, 0.8),
-    ),
-    *((0.8, 0.8), (0.7, 0.6), (1.0, 0.6), (0.6, 0.45), (0.5, 0.3), (0.4, 0.2), (0.3, 0.1)),
+    *((share, 1.0) for share in (1.0, 0.98, 0.95, 0.92, 0.88, 0.8, 0.7)),
+    *((share, 0.8) for share in (1.0, 0.9, 0.8)),
+    *((0.7, 0.6), (1.0, 0.6), (0.6, 0.45), (0.5, 0.3), (0.4, 0.2), (0.3, 0.1)),
     *((0.3, 0.05), (0.2, 0.02)),
 )
 
@@ -91,8 +74,7 @@ class CycleThrow:
         """The first sample from which on the throw's brake keeps the hand off the object: from
         there another motion may follow."""
         first = math.ceil(self.throw.detach_time / TICK)
-        after = Samples(*(rows[first:] for rows in rows_of(self.samples)))
-        gaps = flight_gaps(self.space, self.throw, after, TICK * first)
+        gaps = flight_gaps(self.space, self.throw, self.samples[first:], TICK * first)
         near = np.flatnonzero(gaps < 0.0)
         free = first if not near.size else first + int(near[-1]) + 1
         return min(free, len(self.samples.q) - 1)
@@ -118,9 +100,8 @@ class Option:
 
 def joined(parts: list[Samples]) -> Samples:
     """Samples one after another; the last of each is the first of the next."""
-    rows = ([part.q, part.dq, part.ddq] for part in parts)
-    found = [[v if i == 0 else v[1:] for v in part] for i, part in enumerate(rows)]
-    return Samples(*(np.vstack(values) for values in zip(*found, strict=True)))
+    first, *others = (part.rows for part in parts)
+    return Samples(*np.concatenate([first, *(rows[:, 1:] for rows in others)], axis=1))
 
 
 class Connection:
@@ -223,7 +204,7 @@ def _fastest(space: SpatialScene, start: State, goal: State) -> Iterator[Option]
 
 
 def _slower(space: SpatialScene, start: State, goal: State, *, held: bool) -> Iterator[Option]:
-    """Motions slowed as far as the verdict demands, direct and by a raised pose, and direct ones
+    """Motions slowed until the verdict allows them, direct and by a raised pose; then direct ones
     by shares of the limits."""
     middle = _raised_pose(space, (goal if start.dq.any() else start).q)
     for states in ((start, goal), (start, middle, goal)):
@@ -253,19 +234,13 @@ def rest_connection(space: SpatialScene, start: State, goal: State, *, held: boo
     )
 
 
-def rows_of(samples: Samples) -> tuple[Array, Array, Array]:
-    """q, dq, ddq."""
-    return samples.q, samples.dq, samples.ddq
-
-
 def _after_brake(one: CycleThrow, goal: State) -> Iterator[Option]:
     """Motions that stop after the throw's own brake, which keeps clear of what is around it; at
     once, and when the object has landed."""
     rest, landed = at_rest(one.samples.q[-1]), len(one.samples.q) - 1
     for found in direct(one.space, rest, goal):
         for until in {max(one.braked, one.free), landed}:
-            brake = Samples(*(rows[one.free : until + 1] for rows in rows_of(one.samples)))
-            yield _option([brake, found.samples])
+            yield _option([one.samples[one.free : until + 1], found.samples])
 
 
 def leave_connection(one: CycleThrow, goal: State) -> Connection:

@@ -83,7 +83,7 @@ class CycleStep(ReadOnly):
         kinematics, rows = self.manipulator.kinematics, slice(self.join, self.free + 1)
         assert isinstance(kinematics, PlanarArm)
         columns = [j - 1 for j in kinematics.throwing_joints]
-        own = Samples(*(v[rows][:, columns] for v in (samples.q, samples.dq, samples.ddq)))
+        own = samples[rows, columns]
         arm = self.manipulator.from_state(State(own.q[0], own.dq[0], own.ddq[0]))
         sent = braked(arm.hard, own)
         return Throw.sent(self.scene, arm, sent.path, sent, self.opening_time - TICK * self.join)

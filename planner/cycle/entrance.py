@@ -19,16 +19,7 @@ import numpy as np
 from ...models import Indices
 from ..throw import TICK, Samples, State, Transfer, gentle_transfer, joint_limits, transfer
 from ..verdict import first_finding
-from .connections import (
-    Connection,
-    CycleThrow,
-    Option,
-    by_raised,
-    direct,
-    option_of,
-    rows_of,
-    state_at,
-)
+from .connections import Connection, CycleThrow, Option, by_raised, direct, option_of, state_at
 
 #: Shares of the time until the pads may open at which the throwing joints may join the swing.
 JOINS = (0.0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7)
@@ -107,9 +98,9 @@ class _Entrance:
                 self.limits, start, _of(state_at(throw, k), self.throwing), velocity, acceleration
             )
             if joining is not None:
-                rest = (v[k + 1 : self.opens + 1, self.throwing] for v in rows_of(throw))
-                parts = zip(rows_of(joining.samples), rest, strict=True)
-                found.append(Samples(*(np.vstack(pair) for pair in parts)))
+                rest = throw[k + 1 : self.opens + 1, self.throwing]
+                rows = np.concatenate([joining.samples.rows, rest.rows], axis=1)
+                found.append(Samples(*rows))
                 early += found[-1:] if k == 0 else []
         ways = (sorted(some, key=lambda swing: len(swing.q)) for some in (found, early))
         fastest = (next(filter(self._holds, way), None) for way in ways)
@@ -119,8 +110,7 @@ class _Entrance:
         """Whether a swing in the throw's plane is allowed."""
         rows = np.zeros((3, len(swing.q), len(self.pick.q)))
         rows[0] = self._throw.q[0]
-        for row, values in zip(rows, rows_of(swing), strict=True):
-            row[:, self.throwing] = values
+        rows[:, :, self.throwing] = swing.rows
         return first_finding(self.one.space, Samples(*rows), held=True) is None
 
     def _samples(self, swing: Samples, wait: int, turn: int) -> Samples:
@@ -133,9 +123,8 @@ class _Entrance:
         rows = np.zeros((3, wait + len(swing.q), len(self.pick.q)))
         last = np.minimum(np.arange(rows.shape[1]), turned.ticks)
         rows[0, :wait] = self.pick.q
-        for row, thrown, aside in zip(rows, rows_of(swing), rows_of(turned.samples), strict=True):
-            row[wait:, self.throwing] = thrown
-            row[:, self.aside] = aside[last]
+        rows[:, wait:, self.throwing] = swing.rows
+        rows[:, :, self.aside] = turned.samples.rows[:, last]
         return Samples(*rows)
 
     def raised(self) -> Iterator[Option]:
@@ -171,8 +160,8 @@ def _stretched(swing: Samples, speed: float, end: int) -> Samples | None:
     at = swing.path.at(TICK * clock)
     q, dq, ddq = at.pose.T, at.twist.T, at.acceleration.T
     rate, change = rate[:, None], change[:, None]
-    found = q, dq * rate, ddq * rate**2 + dq * change
-    return Samples(*(np.vstack([v, w[end:]]) for v, w in zip(found, rows_of(swing), strict=True)))
+    found = np.array([q, dq * rate, ddq * rate**2 + dq * change])
+    return Samples(*np.concatenate([found, swing.rows[:, end:]], axis=1))
 
 
 def _of(state: State, joints: Indices) -> State:

@@ -7,13 +7,14 @@ import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from ...models import Array
 from ...models.robot import Arm
-from ...problems import InputError, check_arguments
+from ...problems import InputError
 from ..clearance import SpatialScene
 from ..throw import Samples
 from ..verdict import motion_verdict
@@ -36,30 +37,45 @@ STEPS, LONGEST = 60, 0.5
 DAMPING = 1e-15, 1e-4
 
 
-@check_arguments
-def inverse_kinematics(
-    space: SpatialScene,
-    place: Sequence[float],
-    turn: float | None,
-    seed: Sequence[float],
-    *,
-    angle: float = DOWN,
-    held: bool = False,
-    margin: float = MARGIN,
-) -> Array:
-    """Joints (joints,) [rad] that hold the pads' centre at a place, the hand pointing down.
+@dataclass(frozen=True)
+class HandPose:
+    """Where a hand holds the middle of its pads, and how it points.
 
-    place (3,) [m]: in the base frame. turn [rad]: of the hand about the vertical, from x to y;
-    at 0 the pads lie in the plane of a throw along x; None: any, for a hand that points down.
-    angle [rad]: of the hand in the plane so turned, as in a throw. seed (joints,) [rad]: the
-    solution next to it is preferred, then the nearest of those from random starts. margin [rad]:
-    from the ends of the joints' ranges. At rest there, arm and, if `held`, object break no limit of
-    `motion_verdict`: own body, obstacles, floor, grip, torques.
+    place (3,) [m]: in the base frame. turn [rad]: of the hand about the vertical, from x to y; at 0
+    the pads lie in the plane of a throw along x; None: any, for a hand that points down. angle
+    [rad]: of the hand in the plane so turned, as in a throw. InputError for wrong values.
+    """
+
+    place: Sequence[float]
+    turn: float | None = None
+    angle: float = DOWN
+
+    def __post_init__(self) -> None:
+        place = np.array(self.place, float)
+        if place.shape != (3,) or not np.isfinite(place).all():
+            raise InputError("hand pose: x, y, z must be 3 finite numbers, in m")
+        if self.turn is None and self.angle != DOWN:
+            raise InputError("turn: None only for a hand that points down")
+
+    def __str__(self) -> str:
+        x, y, z = np.round(self.place, 9) + 0.0
+        turned = "" if self.turn is None else f", turn_deg = {math.degrees(self.turn):g}"
+        return f"hand pose x = {x:g}, y = {y:g}, z = {z:g}{turned}"
+
+
+def inverse_kinematics(
+    space: SpatialScene, pose: HandPose, seed: Sequence[float], *, held: bool = False
+) -> Array:
+    """Joints (joints,) [rad] that hold the hand in a pose.
+
+    seed (joints,) [rad]: the solution next to it is preferred, then the nearest of those from
+    random starts. At rest there, arm and, if `held`, object break no limit of `motion_verdict`: own
+    body, obstacles, floor, grip, torques.
 
     InputError if there are no such joints, saying whether the place is out of reach, or what is in
     the way.
     """
-    search = _PoseSearch.of(space, place, turn, seed, angle, held, margin)
+    search = _PoseSearch.of(space, pose, seed, held=held)
     found = list[Array]()
     for is_near, q in search.solutions():
         if is_near:
@@ -70,31 +86,20 @@ def inverse_kinematics(
     return search.nearest(found)[0]
 
 
-def hand_poses(
-    space: SpatialScene,
-    place: Sequence[float],
-    turn: float | None,
-    seed: Sequence[float],
-    *,
-    angle: float = DOWN,
-    held: bool = False,
-    margin: float = MARGIN,
-) -> list[Array]:
-    """All joints that `inverse_kinematics` finds from its starts, the nearest to the seed first."""
-    search, found = _PoseSearch.of(space, place, turn, seed, angle, held, margin), list[Array]()
+def hand_poses(space: SpatialScene, pose: HandPose, seed: Sequence[float]) -> list[Array]:
+    """All joints that `inverse_kinematics` finds from its starts with an object in the hand, the
+    nearest to the seed first."""
+    search, found = _PoseSearch.of(space, pose, seed, held=True), list[Array]()
     for _, q in search.solutions():
         if all(np.abs(q - other).max() > ALIKE for other in found):
             found.append(q)
     return search.nearest(found)
 
 
-def throwing_pose(
-    space: SpatialScene, place: Sequence[float], turn: float | None, seed: Sequence[float]
-) -> Array:
-    """Joints as of `inverse_kinematics` with the object in a hand that points down; of several the
-    one whose joints that do not throw are next to the seed, from where throws start at once."""
-    search = _PoseSearch.of(space, place, turn, seed, DOWN, held=True, margin=MARGIN)
-    found = list[Array]()
+def throwing_pose(space: SpatialScene, pose: HandPose, seed: Sequence[float]) -> Array:
+    """Joints as of `inverse_kinematics` with the object in the hand; of several the one whose
+    joints that do not throw are next to the seed, from where throws start at once."""
+    search, found = _PoseSearch.of(space, pose, seed, held=True), list[Array]()
     for is_near, q in search.solutions():
         if is_near:
             return q
@@ -110,36 +115,38 @@ class _PoseSearch:
     """
 
     space: SpatialScene
-    reach: _Reach
+    pose: HandPose
     seed: Array
     held: bool
     trouble: str = ""
 
     @classmethod
     def of(
-        cls,
-        space: SpatialScene,
-        place: Sequence[float],
-        turn: float | None,
-        seed: Sequence[float],
-        angle: float,
-        held: bool,
-        margin: float,
+        cls, space: SpatialScene, pose: HandPose, seed: Sequence[float], *, held: bool
     ) -> _PoseSearch:
-        """InputError for arguments that are none; see `inverse_kinematics`."""
-        arm, goal, start = space.kinematics.arm, np.array(place, float), np.array(seed, float)
-        if goal.shape != (3,) or not np.isfinite(goal).all():
-            raise InputError("hand pose: x, y, z must be 3 finite numbers, in m")
+        """InputError for a wrong seed."""
+        arm, start = space.kinematics.arm, np.array(seed, float)
         if start.shape != (arm.joints,) or not np.isfinite(start).all():
             raise InputError(f"seed: must be {arm.joints} finite numbers, the joints of {arm.name}")
-        if turn is None and angle != DOWN:
-            raise InputError("turn: None only for a hand that points down")
-        return cls(space, _Reach(arm, goal, turn, angle, margin), start, held)
+        return cls(space, pose, start, held)
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self.space.kinematics.arm
+
+    @cached_property
+    def ends(self) -> tuple[Array, Array]:
+        """Lowest and highest joints [rad] that are taken."""
+        limits = self.arm.limits
+        low, high = np.array(limits.position_min), np.array(limits.position_max)
+        inset = np.minimum(MARGIN, (high - low) / 2)
+        return low + inset, high - inset
 
     def solutions(self) -> Iterator[tuple[bool, Array]]:
         """Joints (joints,) from each start in turn, and whether that is the seed."""
-        for number, first in enumerate(_starts(self.space, self.reach.place, self.seed)):
-            q = self.reach.solved(first)
+        for number, first in enumerate(_starts(self.space, self.pose, self.seed)):
+            q = self._solved(first)
             if q is None:
                 continue
             words = _trouble(self.space, q, self.held)
@@ -151,11 +158,11 @@ class _PoseSearch:
         """The same pose without whole turns: of joints that do not throw those away from the seed;
         of those that do, if the others are near it, those beyond the hand's angle in the plane,
         from which the landing's angle counts."""
-        (low, high), turn, kinematics = self.reach.ends, 2 * math.pi, self.space.kinematics
+        (low, high), turn, kinematics = self.ends, 2 * math.pi, self.space.kinematics
         throwing = np.array(kinematics.throwing_joints) - 1
         other = q - turn * np.round((q - self.seed) / turn)
         other[throwing] = q[throwing]
-        beyond = kinematics.theta + kinematics.link_angles(list(q[throwing]))[-1] - self.reach.angle
+        beyond = kinematics.theta + kinematics.link_angles(list(q[throwing]))[-1] - self.pose.angle
         if self.aside(other) < turn / 4:
             for joint, sign in zip(throwing, kinematics.signs, strict=True):
                 unwound = q[joint] - sign * turn * round(beyond / turn)
@@ -172,45 +179,21 @@ class _PoseSearch:
     def nearest(self, found: list[Array]) -> list[Array]:
         """Solutions by the time in which the slowest joint gets there from the seed; InputError if
         there are none."""
-        arm, turn = self.reach.arm, self.reach.turn
         if found:
-            velocity = np.array(arm.limits.velocity)
+            velocity = np.array(self.arm.limits.velocity)
             return sorted(found, key=lambda q: float((np.abs(q - self.seed) / velocity).max()))
-        x, y, z = np.round(self.reach.place, 9) + 0.0
-        where = f"hand pose x = {x:g}, y = {y:g}, z = {z:g}"
-        if turn is not None:
-            where += f", turn_deg = {math.degrees(turn):g}"
-        why = f"out of reach of {arm.name}"
+        why = f"out of reach of {self.arm.name}"
         if self.trouble:
-            why = f"where {arm.name} reaches it: {self.trouble}"
-        raise InputError(f"{where}: {why}")
+            why = f"where {self.arm.name} reaches it: {self.trouble}"
+        raise InputError(f"{self.pose}: {why}")
 
-
-@dataclass(frozen=True)
-class _Reach:
-    """A hand pose and the joints' ranges for it; arguments as of `inverse_kinematics`."""
-
-    arm: Arm
-    place: Array
-    turn: float | None
-    angle: float
-    margin: float
-
-    @property
-    def ends(self) -> tuple[Array, Array]:
-        """Lowest and highest joints [rad] that are taken."""
-        limits = self.arm.limits
-        low, high = np.array(limits.position_min), np.array(limits.position_max)
-        inset = np.minimum(self.margin, (high - low) / 2)
-        return low + inset, high - inset
-
-    def solved(self, start: Array) -> Array | None:
+    def _solved(self, start: Array) -> Array | None:
         """Joints of the pose by damped Newton steps from a start; None if these do not reach it."""
-        low, high = self.ends
-        function, turn = _residual(self.arm, self.turn is None), self.turn or 0.0
+        (low, high), pose = self.ends, self.pose
+        function, turn = _residual(self.arm, pose.turn is None), pose.turn or 0.0
         q = np.clip(start, low, high)
         for _ in range(STEPS):
-            found = function(q, self.place, turn, self.angle)
+            found = function(q, np.array(pose.place, float), turn, pose.angle)
             residual, slope, facing = (np.array(part) for part in found)
             off = residual.ravel()
             if np.abs(off).max() < CLOSE:
@@ -245,12 +228,12 @@ def _residual(arm: Arm, any_turn: bool) -> ca.Function:
     return ca.Function("pose", [q, place, turn, angle], list(map(ca.densify, outputs)))
 
 
-def _starts(space: SpatialScene, place: Array, seed: Array) -> Iterator[Array]:
+def _starts(space: SpatialScene, pose: HandPose, seed: Array) -> Iterator[Array]:
     """The seed; then random joints in turn with postures of throws towards the place."""
     yield seed
     arm, random = space.kinematics.arm, np.random.default_rng(0)
     moving = [joint - 1 for joint in (*space.kinematics.throwing_joints, arm.joints)]
-    towards = math.atan2(place[1], place[0])
+    towards = math.atan2(pose.place[1], pose.place[0])
     for number in range(STARTS):
         uniform = random.uniform(arm.limits.position_min, arm.limits.position_max)
         if number % 2:

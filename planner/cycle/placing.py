@@ -33,7 +33,7 @@ from ..throw import (
 )
 from .connections import Connection, CycleThrow, Option, at_rest, joined
 from .cycle import UnsolvedError
-from .inverse_kinematics import ALIKE, DOWN, hand_poses, inverse_kinematics, joint_rates
+from .inverse_kinematics import ALIKE, DOWN, HandPose, hand_poses, inverse_kinematics, joint_rates
 from .network import Network
 from .planning import with_joints
 from .slowing import slowed_transfer
@@ -95,7 +95,7 @@ def place_jobs(jobs: Jobs) -> Placing:
     """
     jobs = with_joints(jobs)
     places, refused = list[_Place](), dict[str, str]()
-    # Poses in a bin are the same from all picks of objects that are alike.
+    # Objects of one kind have the same poses in a bin, whatever the pick.
     known = list[tuple[str, object, list[_Place]]]()
     for number, pick in enumerate(jobs.picks):
         for one in jobs.bins_of(pick):
@@ -166,11 +166,8 @@ def _places(jobs: Jobs, pick: Pick, one: Bin) -> list[_Place]:
     assert target is not None
     if not target.at_rest:
         raise InputError("the bin moves")
-    space, plane, grasp = (
-        SpatialScene(scene, make_manipulator(scene)),
-        target.plane,
-        scene.grasp.angle,
-    )
+    space = SpatialScene(scene, make_manipulator(scene))
+    plane, grasp = target.plane, scene.grasp.angle
     theta = DOWN + grasp if target.theta is None else target.theta
     lever = scene.com_offset * np.array([math.cos(theta), math.sin(theta)])
     x, z = np.array([target.plane_x, target.z]) - lever
@@ -178,22 +175,23 @@ def _places(jobs: Jobs, pick: Pick, one: Bin) -> list[_Place]:
     # About the vertical a bar in line with the hand is the same at any turn.
     upright = abs(angle - DOWN) < 1e-9 and grasp == 0.0
     turn, angle = (None, DOWN) if upright else (plane.azimuth, angle)
-    place, lifted = (plane.points(x, height).tolist() for height in (z, z + LIFT))
+    down, lifted = (
+        HandPose(plane.points(x, height).tolist(), turn, angle) for height in (z, z + LIFT)
+    )
     assert pick.joints is not None  # by `with_joints`
-    downs = hand_poses(space, place, turn, pick.joints, angle=angle, held=True)
+    joints = hand_poses(space, down, pick.joints)
     for other in jobs.picks:
         assert other.joints is not None
         with contextlib.suppress(InputError):
-            near = inverse_kinematics(space, place, turn, other.joints, angle=angle, held=True)
-            downs.append(near)
+            joints.append(inverse_kinematics(space, down, other.joints, held=True))
     found, trouble = list[_Place](), InputError("")
-    for down in downs:
+    for q in joints:
         try:
-            above = inverse_kinematics(space, lifted, turn, down.tolist(), angle=angle, held=True)
+            above = inverse_kinematics(space, lifted, q.tolist(), held=True)
         except InputError as error:
             trouble = error
         else:
-            found.append(_Place(0, one.name, space, above, down))
+            found.append(_Place(0, one.name, space, above, q))
     if not found:
         raise trouble
     return found

@@ -16,7 +16,7 @@ from ..result import Plan
 from ..throw import State, make_manipulator
 from .connections import CycleThrow, at_rest
 from .cycle import Cycle, UnsolvedError
-from .inverse_kinematics import throwing_pose
+from .inverse_kinematics import HandPose, throwing_pose
 from .network import Network
 from .order import EXACT
 from .sequence import sequence
@@ -100,9 +100,9 @@ def _joints_over(jobs: Jobs, pick: Pick, place: tuple[float, float, float], near
     (x, y, z), arm, scene = place, jobs.arm, jobs.scene_of(pick, jobs.bins_of(pick)[0])
     azimuth = Pose(x=x, y=y, z=z).with_lateral(arm.lateral).plane.azimuth
     near[arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
-    space, turn = SpatialScene(scene, make_manipulator(scene)), pick.turn
-    turn = azimuth if turn is None else turn
-    return throwing_pose(space, place, turn, near.tolist())
+    space = SpatialScene(scene, make_manipulator(scene))
+    pose = HandPose(place, azimuth if pick.turn is None else pick.turn)
+    return throwing_pose(space, pose, near.tolist())
 
 
 class _Throws:

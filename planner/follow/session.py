@@ -250,7 +250,7 @@ class Session:
         return math.ceil(self.throw.detach_time / TICK - 1e-9) + 1
 
     def _corrected(self, way: Direction, before: ExpectedThrow) -> tuple[Throw, ExpectedThrow, str]:
-        """What to send, brought to the target as far as limits let it, and what ends the way.
+        """What to send, moved towards the target until a limit ends the way, and which limit.
 
         Along the plan's own direction; where that breaks a limit, by a step of the NLP's quadratic
         program about what is sent now, which knows all of them.

@@ -316,7 +316,7 @@ def _draw_line(found: ReachMap, path: Path) -> None:
     words = "target" if target.z == found.z else f"target's x (it is at z = {target.z:g} m)"
     above, below = figure.subplots(2, 1, sharex=True)
     for axes, label, values, colour in (
-        (above, "best margin [%]", 100 * np.nan_to_num(found.margin[:, 0]), TEAL),
+        (above, "best margin to the limits [%]", 100 * np.nan_to_num(found.margin[:, 0]), TEAL),
         (below, "different throws in a bin", found.solutions[:, 0].astype(float), BLUE),
     ):
         axes.stairs(values, found.x_edges, fill=True, color=colour, alpha=0.75, lw=0)

@@ -165,7 +165,8 @@ class Recording(ReadOnly):
         found = self.to_dict(motion)
         lag = f"joints lag by {found['lag']:.3f} rad"
         if motion.picks:
-            return f"{len(found['thrown'])} objects thrown in {self.times[-1]:.2f} s; {lag}"
+            thrown = "1 object" if len(found["thrown"]) == 1 else f"{len(found['thrown'])} objects"
+            return f"{thrown} thrown in {self.times[-1]:.2f} s; {lag}"
         words = "does not come down to the target's height"
         if found["landing"] is not None:
             landing, error = found["landing"], found["error"]

@@ -11,7 +11,7 @@ import pytest
 import throwplan as tp
 from adam.numpy import KinDynComputations
 from throwplan.planner.clearance import SpatialScene
-from throwplan.planner.cycle import inverse_kinematics
+from throwplan.planner.cycle import HandPose, inverse_kinematics
 from throwplan.planner.throw import Samples, make_manipulator
 from throwplan.planner.verdict import motion_verdict
 
@@ -73,7 +73,7 @@ def count_found(name: str, count: int) -> int:
     for place, turn, q in reachable(name, count):
         seed = q if seed is None else seed
         try:
-            joints = inverse_kinematics(space, place.tolist(), turn, seed.tolist(), margin=MARGIN)
+            joints = inverse_kinematics(space, HandPose(place.tolist(), turn), seed.tolist())
         except tp.InputError:
             continue
         check_pose(space, joints, place, turn)
@@ -97,18 +97,19 @@ def test_another_library_has_the_pads_there() -> None:
     adam = KinDynComputations(str(urdf), [f"panda_joint{i}" for i in range(1, 8)])
     space, seed = space_of("pose"), [0.0, -0.3, 0.0, -2.2, 0.0, 1.9, 0.785]
     for place, turn in (([0.5, 0.2, 0.2], 0.3), ([0.4, -0.3, 0.4], None)):
-        q = inverse_kinematics(space, place, turn, seed)
+        pose = HandPose(place, turn)
+        q = inverse_kinematics(space, pose, seed)
         pads = np.asarray(adam.forward_kinematics("panda_hand_tcp", np.eye(4), q))
         assert np.abs(pads[:3, 3] - place).max() < 1e-6
         assert np.abs(pads[:3, 2] - [0.0, 0.0, -1.0]).max() < 1e-6
-        np.testing.assert_array_equal(q, inverse_kinematics(space, place, turn, seed))
+        np.testing.assert_array_equal(q, inverse_kinematics(space, pose, seed))
         assert np.abs(q - seed).max() < 1.0
 
 
 def test_a_hand_in_a_throw_s_pose_is_where_the_planar_model_has_it() -> None:
     space, azimuth, angle = space_of("pose"), 0.5, -0.6
     place = [0.5 * math.cos(azimuth), 0.5 * math.sin(azimuth), 0.5]
-    q = inverse_kinematics(space, place, azimuth, [0.0] * 7, angle=angle)
+    q = inverse_kinematics(space, HandPose(place, azimuth, angle), [0.0] * 7)
     approach = space.kinematics.arm.placed(q)[-1][:3, 2]
     ahead = [math.cos(angle) * math.cos(azimuth), math.cos(angle) * math.sin(azimuth)]
     np.testing.assert_allclose(approach, [*ahead, math.sin(angle)], atol=1e-8)
@@ -122,7 +123,7 @@ def test_what_is_not_reached_is_said_in_one_line() -> None:
         ([0.5, 0.0], 0.0, "must be 3 finite numbers"),
     ):
         with pytest.raises(tp.InputError, match=words) as raised:
-            inverse_kinematics(space, place, turn, seed)
+            inverse_kinematics(space, HandPose(place, turn), seed)
         assert "\n" not in str(raised.value)
     with pytest.raises(tp.InputError, match="seed: must be 7"):
-        inverse_kinematics(space, [0.5, 0.0, 0.3], 0.0, seed[:3])
+        inverse_kinematics(space, HandPose([0.5, 0.0, 0.3], 0.0), seed[:3])
