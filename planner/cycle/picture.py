@@ -67,7 +67,7 @@ def _draw_floor(axes: Axes, cycle: Cycle) -> None:
     spatial = cycle.steps[0].space.spatial
     x, y, _ = spatial.pads(q, 0.0 * q, 0.0 * q).pose[:, :3, 3].T
     axes.plot(x, y, color=GREY, lw=0.8, zorder=2, label="pads")
-    bins = dict[str, tuple[float, float]]()
+    bins, picks = dict[str, tuple[float, float]](), list[tuple[float, float, str]]()
     for step, throw in zip(cycle.steps, cycle.throws, strict=True):
         times = np.linspace(0.0, throw.landing.flight_time, 20)
         flown = throw.flight(times)
@@ -77,10 +77,11 @@ def _draw_floor(axes: Axes, cycle: Cycle) -> None:
         bins[step.bin] = float(points[-1, 0]), float(points[-1, 1])
         k = step.reach // 5
         axes.plot(x[k], y[k], "s", color=TEAL, ms=5, zorder=4)
-        place = float(x[k]), float(y[k])
-        axes.annotate(
-            step.pick, place, xytext=(0, -10), textcoords="offset points", ha="center", size=6
-        )
+        picks.append((round(float(y[k]), 3), float(x[k]), step.pick))
+    # Names of neighbours in a row stand below and above in turn.
+    for number, (up, along, name) in enumerate(sorted(picks)):
+        away = (0, (-10, 6)[number % 2])
+        axes.annotate(name, (along, up), away, textcoords="offset points", ha="center", size=6)
     for name, place in bins.items():
         axes.annotate(name, place, xytext=(5, 5), textcoords="offset points", size=7)
     axes.plot(0.0, 0.0, "^", color=BLACK, ms=8, zorder=4)

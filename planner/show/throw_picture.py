@@ -177,7 +177,7 @@ def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
     pivot = np.degrees(in_hand[2, end] - in_hand[2, begin])
     opening = 1e3 * (line.times[end] - line.times[begin])
     title = f"between the pads (dotted) while they open, {opening:.0f} ms:\n"
-    title += f"slips {1e3 * np.linalg.norm(across):.2f} mm, pivots {pivot:.1f} deg"
+    title += f"slips {1e3 * np.linalg.norm(across):.2f} mm, pivots {round(pivot, 1) + 0.0:.1f} deg"
     axes.set_title(title, loc="left", fontsize=9)
 
 
