@@ -45,74 +45,127 @@ MAX_SHARED = 20
 Lifted = list[tuple[ca.SX, ca.SX]]
 
 
-class _GroupFunctions:
-    """CasADi functions of (z, p), mapped over a group's instants; z: the arguments of its
-    constraints.
+#: Functions that NLPs share, by the digest of what they are derived from.
+Shared = dict[str, Any]
 
-    indices (len(z),): of z among the stage's variables and intermediates. value: the constraints,
-    one column an instant. jacobian: their derivatives in z, one column a constraint. lagrangian (z,
-    p, multipliers): gradient and Hessian of the sum of all constraints times multipliers.
+
+def _dependencies(expression: ca.SX, symbols: ca.SX) -> list[int]:
+    """Indices of the symbols that an expression depends on."""
+    return np.flatnonzero(ca.which_depends(expression, symbols, 1, False)).tolist()
+
+
+@dataclass(frozen=True)
+class _InstantFunctions:
+    """CasADi functions of (z, p, at) of one instant; z, p: the arguments of its constraints.
+
+    value: the constraints. jacobian: their derivatives in z, one column a constraint. lagrangian
+    (z, p, at, multipliers): gradient and Hessian of the sum of all constraints times multipliers.
     """
 
-    def __init__(self, group: Instants, everything: ca.SX, parameters: ca.SX, name: str) -> None:
+    value: ca.Function
+    jacobian: ca.Function
+    lagrangian: ca.Function
+
+    @classmethod
+    def of(cls, value: ca.Function, group: Instants, z: ca.SX, p: ca.SX) -> _InstantFunctions:
+        """The functions of a group whose `value` is given."""
+        rows = ca.vertcat(*[row.value for row in group.rows])
+        multipliers = ca.SX.sym("l", rows.numel())
+        jacobian, gradient, hessian = differentiate(z, group.lifted, rows, multipliers)
+        inputs, options = [z, p, group.at], {"cse": True}
+        slopes = ca.Function("slopes", inputs, [jacobian.T], options)
+        sums = [ca.densify(gradient), hessian]
+        return cls(value, slopes, ca.Function("curvature", [*inputs, multipliers], sums, options))
+
+
+class _GroupFunctions:
+    """CasADi functions of (z, p), mapped over a group's instants.
+
+    indices (len(z),): of z among the stage's variables and intermediates; parameters (len(p),): of
+    p among all parameters. The outputs are those of `_InstantFunctions`, one column an instant;
+    those of `lagrangian` are summed.
+    """
+
+    def __init__(
+        self, group: Instants, everything: ca.SX, parameters: ca.SX, shared: Shared
+    ) -> None:
         rows = ca.vertcat(*[row.value for row in group.rows])
         expanded = substitute_lifted([rows], group.lifted)
-        self.shape = rows.numel(), group.data.shape[1]
-        depends = ca.which_depends(expanded[0], everything, 1, False)
-        self.indices = np.flatnonzero(depends).tolist()
-        z, multipliers = everything[self.indices], ca.SX.sym("l", rows.numel())
-        jacobian, gradient, hessian = differentiate(z, group.lifted, rows, multipliers)
-
-        def mapped(
-            kind: str, more: list[ca.SX], outputs: list[ca.SX], summed: list[int]
-        ) -> Callable[..., Any]:
-            inputs = [z, parameters, group.at, *more]
-            f = ca.Function(f"{name}_{kind}", inputs, outputs, {"cse": True})
-            through = f.map(f"{name}_{kind}s", "serial", self.shape[1], [0, 1], summed)
-            return lambda z, p, *more: through(z, p, ca.DM(group.data), *more)
-
-        self.value = mapped("value", [], expanded, [])
-        self.jacobian = mapped("slopes", [], [jacobian.T], [])
-        sums = [ca.densify(gradient), hessian]
-        self.lagrangian = mapped("curvature", [multipliers], sums, [0, 1])
+        self.shape, self.data = (rows.numel(), group.data.shape[1]), group.data.tolist()
+        self.indices = _dependencies(expanded[0], everything)
+        self.parameters = _dependencies(expanded[0], parameters)
+        z, p = everything[self.indices], parameters[self.parameters]
+        value = ca.Function("value", [z, p, group.at], expanded, {"cse": True})
+        self.key = digest(value.serialize())
+        if self.key not in shared:
+            shared[self.key] = _InstantFunctions.of(value, group, z, p)
+        self._one: _InstantFunctions = shared[self.key]
         self.gradient = ca.SX.sym("gradient", z.numel())
-        self.hessian = ca.SX.sym("hessian", hessian.sparsity())
+        self.hessian = ca.SX.sym("hessian", self._one.lagrangian.sparsity_out(1))
+
+    def value(self, z: ca.MX, p: ca.MX) -> ca.MX:
+        """The constraints."""
+        return self._mapped(self._one.value, [])(z, p, ca.DM(self.data))
+
+    def jacobian(self, z: ca.MX, p: ca.MX) -> ca.MX:
+        """Their derivatives in z."""
+        return self._mapped(self._one.jacobian, [])(z, p, ca.DM(self.data))
+
+    def lagrangian(self, z: ca.MX, p: ca.MX, multipliers: ca.MX) -> list[ca.MX]:
+        """Gradient and Hessian of their sum with multipliers, in z."""
+        return self._mapped(self._one.lagrangian, [0, 1]).call(
+            [z, p, ca.DM(self.data), multipliers]
+        )
+
+    def _mapped(self, one: ca.Function, summed: list[int]) -> ca.Function:
+        return one.map(f"{one.name()}s", "serial", self.shape[1], [0, 1], summed)
 
 
 class StageFunctions:
-    """CasADi functions of (v, d, p): a kind's variables, its stage's data, all parameters.
+    """CasADi functions of (v, d, p): a kind's variables, its stage's data, parameters.
 
-    The outputs are -F_k and the constraints; those of groups come last.
+    parameters (len(p),): indices of p among those of the NLP that they were made for. The outputs
+    are -F_k and the constraints; those of groups come last.
     """
 
-    def __init__(self, stage: Stage, parameters: ca.SX, name: str) -> None:
-        self._stage, self._name = stage, name
+    def __init__(self, stage: Stage, parameters: ca.SX, shared: Shared) -> None:
+        self._stage = stage
         rows = [row.value for row in stage.rows]
         outputs = ca.vertcat(*[-state for state in stage.following.values()], *rows)
         self._outputs = ca.vertcat(stage.cost, outputs)
         everything = ca.vertcat(stage.variables, *[symbol for symbol, _ in stage.lifted])
         self._groups = [
-            _GroupFunctions(group, everything, parameters, f"{name}_{i}")
-            for i, group in enumerate(stage.instants)
+            _GroupFunctions(group, everything, parameters, shared) for group in stage.instants
         ]
         data = ca.vertcat(*[symbol for symbol, _ in stage.data.values()])
-        self._inputs = [stage.variables, data, parameters]
         self._multipliers = ca.SX.sym("l", self._outputs.numel())
         arguments = [everything[group.indices] for group in self._groups]
         once = substitute_lifted([stage.cost, outputs, *arguments], stage.lifted)
+        used = set(_dependencies(ca.vertcat(*once), parameters))
+        self.parameters = sorted(used.union(*[group.parameters for group in self._groups]))
+        self._places = [
+            np.searchsorted(self.parameters, group.parameters).tolist() for group in self._groups
+        ]
+        self._inputs = [stage.variables, data, parameters[self.parameters]]
         self._once = self._function("once", [], once)
+
+    @property
+    def key(self) -> str:
+        """Digest of all that the functions depend on."""
+        groups = [(group.key, group.indices, group.data) for group in self._groups]
+        return digest(self._once.serialize(), repr((groups, self._places)))
 
     def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
         """A function of (v, d, p, more), written in SX."""
         options = {"cse": len(self._stage.lifted) <= MAX_SHARED}
-        return ca.Function(f"{self._name}_{name}", [*self._inputs, *more], outputs, options)
+        return ca.Function(name, [*self._inputs, *more], outputs, options)
 
     def _joined(
         self, name: str, outputs: Callable[..., list[ca.MX]], more: Sequence[ca.MX] = ()
     ) -> ca.Function:
         """A function of (v, d, p, more), made of calls of others by outputs(v, d, p, *more)."""
         inputs = [*[ca.MX.sym("x", symbol.numel()) for symbol in self._inputs], *more]
-        return ca.Function(f"{self._name}_{name}", inputs, outputs(*inputs))
+        return ca.Function(name, inputs, outputs(*inputs))
 
     @cached_property
     def _derivatives(self) -> list[ca.SX]:
@@ -129,8 +182,8 @@ class StageFunctions:
     def _values(self, v: ca.MX, d: ca.MX, p: ca.MX) -> list[ca.MX]:
         """Cost, outputs, and the arguments of each group."""
         cost, once, *arguments = self._once.call([v, d, p])
-        pairs = zip(self._groups, arguments, strict=True)
-        of_groups = [ca.vec(group.value(z, p)) for group, z in pairs]
+        triples = zip(self._groups, arguments, self._places, strict=True)
+        of_groups = [ca.vec(group.value(z, p[at])) for group, z, at in triples]
         return [cost, ca.vertcat(once, *of_groups), *arguments]
 
     @cached_property
@@ -143,8 +196,8 @@ class StageFunctions:
         def outputs(v: ca.MX, d: ca.MX, p: ca.MX) -> list[ca.MX]:
             _, values, *arguments = self._values(v, d, p)
             first, *dz_dv = chain.call([v, d, p])
-            triples = zip(self._groups, arguments, dz_dv, strict=True)
-            blocks = [group.jacobian(z, p).T @ slope for group, z, slope in triples]
+            each = zip(self._groups, arguments, self._places, dz_dv, strict=True)
+            blocks = [group.jacobian(z, p[at]).T @ slope for group, z, at, slope in each]
             return [values, ca.vertcat(first, *blocks)]
 
         return self._joined("jacobian", outputs)
@@ -166,8 +219,9 @@ class StageFunctions:
         def outputs(v: ca.MX, d: ca.MX, p: ca.MX, multipliers: ca.MX) -> list[ca.MX]:
             first, *parts = ca.vertsplit(multipliers, np.cumsum([0, *counts]).tolist())
             inputs, arguments = [v, d, p, first], self._once.call([v, d, p])[2:]
-            for group, z, part in zip(self._groups, arguments, parts, strict=True):
-                inputs += group.lagrangian(z, p, ca.reshape(part, group.shape))
+            each = zip(self._groups, arguments, self._places, parts, strict=True)
+            for group, z, at, part in each:
+                inputs += group.lagrangian(z, p[at], ca.reshape(part, group.shape))
             return list(whole.call(inputs))
 
         return self._joined("hessian", outputs, [ca.MX.sym("l", sum(counts))])
@@ -226,7 +280,7 @@ def differentiate(
 class Link:
     """One stage in the chain: its functions, data and places.
 
-    v: slice of x; gap, rows: slices of g; data: indices of p.
+    v: slice of x; gap, rows: slices of g; data, parameters: indices of p.
     """
 
     functions: StageFunctions
@@ -235,10 +289,11 @@ class Link:
     gap: slice
     rows: slice
     data: list[int]
+    parameters: list[int]
 
     def arguments(self, x: ca.MX, p: ca.MX) -> list[ca.MX]:
         """(v, d, p) of its functions."""
-        return [x[self.v], p[self.data], p]
+        return [x[self.v], p[self.data], p[self.parameters]]
 
 
 @dataclass(frozen=True)
@@ -270,21 +325,28 @@ class Nlp(Layout):
 
 
 def assemble(
-    structure: Structure, stages: list[Stage], parameters: Parameters, landing: ca.SX
+    structure: Structure,
+    stages: list[Stage],
+    parameters: Parameters,
+    landing: ca.SX,
+    shared: Shared,
 ) -> Nlp:
     """The NLP of a chain of stages, in block order.
 
-    Stages may share a kind. landing: expression in the variables of the stage at detach.
+    Stages may share a kind. landing: expression in the variables of the stage at detach. shared:
+    functions of other NLPs, to which those of this one are added.
     """
     symbol, at = parameters.symbol, structure.detach
-    kinds: dict[int, StageFunctions] = {}
+    kinds: dict[int, tuple[StageFunctions, list[int]]] = {}
     links: list[Link] = []
     blocks: list[tuple[Block, int, slice]] = []
     rows: list[tuple[str, float, float]] = []
     end = 0
     for k, stage in enumerate(stages):
         if id(stage) not in kinds:
-            kinds[id(stage)] = StageFunctions(stage, symbol, f"stage{len(kinds)}")
+            functions = StageFunctions(stage, symbol, shared)
+            # Another NLP has the same parameters at other places.
+            kinds[id(stage)] = shared.setdefault(functions.key, functions), functions.parameters
         begin, gap = end, len(rows)
         for block, value in [*stage.states.items(), *stage.controls.items()]:
             blocks.append((block, k, slice(end, end + value.numel())))
@@ -299,7 +361,8 @@ def assemble(
             start = parameters.start(name) + (k - since) * value.numel()
             data += range(start, start + value.numel())
         parts = slice(begin, end), slice(gap, first), slice(first, len(rows))
-        links.append(Link(kinds[id(stage)], stage, *parts, data))
+        functions, used = kinds[id(stage)]
+        links.append(Link(functions, stage, *parts, data, used))
     x, p = ca.MX.sym("x", end), ca.MX.sym("p", symbol.numel())
     values = [link.functions.value(*link.arguments(x, p)) for link in links]
     costs, outputs = zip(*values, strict=True)
@@ -324,9 +387,10 @@ def _ahead(links: list[Link]) -> ca.DM:
 
 def nlp_key(nlp: Nlp, solver: str) -> str:
     """Cache key of `nlp_functions`: a text of all that it depends on."""
-    kinds = {link.functions: link.functions.value.serialize() for link in nlp.links}
-    chain = [(link.v, link.gap, link.rows, link.data) for link in nlp.links]
-    order = [list(kinds).index(link.functions) for link in nlp.links]
+    links = nlp.links
+    kinds = {link.functions: link.functions.value.serialize() for link in links}
+    chain = [(link.v, link.gap, link.rows, link.data, link.parameters) for link in links]
+    order = [list(kinds).index(link.functions) for link in links]
     return repr((solver, digest(source_of(differentiate)), list(kinds.values()), order, chain))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...models import Array, Trajectory
 from ...problems import Scene
-from .assembly import Nlp, assemble
+from .assembly import Nlp, Shared, assemble
 from .problem import ThrowProblem, Weights, variable_bounds
 from .request import Request, opening_nodes
 from .scene_constraint import BRAKE_SHARE, SceneConstraint
@@ -138,8 +138,11 @@ class ThrowNlp(Nlp):
         return tuple(sorted(binding, key=lambda name: -multipliers[name]))
 
 
-def build_nlp(request: Request) -> ThrowNlp:
-    """The NLP of a request; it serves all requests of its structure."""
+def build_nlp(request: Request, shared: Shared | None = None) -> ThrowNlp:
+    """The NLP of a request; it serves all requests of its structure.
+
+    shared: functions of other NLPs, which it uses where its stages are the same, and adds to.
+    """
     scene, manipulator, window = request.scene, request.manipulator, request.window
     constraints = _constraints_of(request)
     turns = any(constraint.turns for constraint in constraints)
@@ -164,7 +167,7 @@ def build_nlp(request: Request) -> ThrowNlp:
     )
     ocp = Ocp(structure, manipulator)
     landing = ThrowProblem(ocp, constraints).declare()
-    nlp = assemble(structure, ocp.stages, ocp.parameters, landing)
+    nlp = assemble(structure, ocp.stages, ocp.parameters, landing, {} if shared is None else shared)
     return ThrowNlp(**vars(nlp), constraints=constraints)
 
 

@@ -34,7 +34,7 @@ class Barrier:
 
 
 #: Barrier of a start from a guess; guesses are good, so it is small.
-COLD = {"fatrop": Barrier(0.01, 100), "ipopt": Barrier(0.01, 500)}
+COLD = {"fatrop": Barrier(0.01, 100), "ipopt": Barrier(0.01, 200)}
 #: Barrier of a start from the solution for a close target; FATROP's median is 3 iterations.
 WARM = {"fatrop": Barrier(1e-8, 12), "ipopt": Barrier(1e-5, 500)}
 #: Barrier of a start from a solution centimetres away, or after WARM; FATROP's median is 6.

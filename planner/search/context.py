@@ -42,7 +42,7 @@ class SearchSettings:
     approaches: int = 2
     same_distance: float = 0.005
     close_distance: float = 0.03
-    vain_starts: int = 8
+    vain_starts: int = 6
     equal_landings: int = 2
     equal_ratio: float = 1.1
     hopeless: float = 3.0

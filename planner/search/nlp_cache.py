@@ -122,6 +122,7 @@ class NlpCache:
     manipulator: Manipulator
     _nlps: dict[_Kind, ThrowNlp] = field(default_factory=dict)
     _compiled: dict[tuple[_Kind, str], CompiledNlp] = field(default_factory=dict)
+    _shared: dict[str, Any] = field(default_factory=dict)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy builds its NLPs anew: CasADi's expressions cannot be copied."""
@@ -136,7 +137,7 @@ class NlpCache:
         kind = _kind(request)
         if kind not in self._nlps:
             with clock("build"):
-                self._nlps[kind] = build_nlp(request)
+                self._nlps[kind] = build_nlp(request, self._shared)
         return self._nlps[kind]
 
     def problem(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from heapq import merge
 from itertools import islice
+from operator import attrgetter
 
 from ...problems import Cost
 from ..library import Library, Neighbour
@@ -136,10 +137,8 @@ class Search:
             start = release_start(context.problems, task, candidates.releases, index, goal)
             far = goal.distance(pose, task.scene.object.half_length) or math.inf
             others.append(Approach(goal, replace(start, goal=pose, again=True), far))
-        # One that breaks something where it lands comes before what lands much farther off.
-        least = min((away for _, _, away in candidates.nearest), default=math.inf)
-        unsound = SETTINGS.hopeless * least
-        others.sort(key=lambda one: one.away if math.isfinite(one.away) else unsound)
+        # One that breaks something where it lands comes last.
+        others.sort(key=attrgetter("away"))
         return [*others, *self.stored] if self.blocked else [*self.stored, *others]
 
     @cached_property
@@ -254,10 +253,9 @@ def from_nearest_samples(search: Search, history: History) -> Try | None:
         return None
     compares = search.task.target.is_region and history.found
     count = REGION_STARTS if compares else SETTINGS.first_starts
-    solver = search.task.solvers[0]
-    nearest = _from_samples(search, history, (search.candidates,), [(solver, count)])
-    few = [(solver, SETTINGS.first_starts)]
-    return nearest or _from_samples(search, history, (search.arriving,), few)
+    solver, few = search.task.solvers[0], SETTINGS.first_starts
+    nearest = _from_samples(search, history, (search.candidates,), solver, count)
+    return nearest or _from_samples(search, history, (search.arriving,), solver, few)
 
 
 def from_library(search: Search, history: History) -> Try | None:
@@ -285,33 +283,25 @@ def from_samples(search: Search, history: History) -> Try | None:
     """A solver's start from a sampled release that arrives well, then from any, by each solver."""
     if search.blocked or search.is_settled(history):
         return None
-    return _from_samples(search, history, (search.arriving, search.candidates), STARTS)
+    tables = search.arriving, search.candidates
+    counts = [(solver, count) for solver, count in STARTS if solver in search.task.solvers]
+    tries = (_from_samples(search, history, tables, *one) for one in counts)
+    return next((step for step in tries if step is not None), None)
 
 
 def _from_samples(
-    search: Search,
-    history: History,
-    tables: Sequence[Candidates],
-    counts: Sequence[tuple[str, int]],
+    search: Search, history: History, tables: Sequence[Candidates], solver: str, count: int
 ) -> Try | None:
-    """The next release that was not tried; counts: of each table's, by solver in order."""
-    task = search.task
-    tried = {
-        (one.start.solver, one.release, one.start.goal) for one in history.solves_from("samples")
-    }
-    for solver, count in counts:
-        if solver not in task.solvers:
-            continue
-        for table in tables:
-            for index, goal, _ in table.different[: count * task.wanted]:
-                key = table.key(index)
-                if (solver, key, goal) not in tried:
-                    start = release_start(
-                        search.context.problems, task, table.releases, index, goal
-                    )
-                    refinement = search.refinement(history)
-                    start = replace(start, solver=solver, refinement=refinement)
-                    return Solve(start, "samples", key)
+    """The next release that the solver did not start from, of `count` of each table."""
+    task, before = search.task, history.solves_from("samples")
+    tried = {(one.release, one.start.goal) for one in before if one.start.solver == solver}
+    for table in tables:
+        for index, goal, _ in table.different[: count * task.wanted]:
+            key = table.key(index)
+            if (key, goal) not in tried:
+                start = release_start(search.context.problems, task, table.releases, index, goal)
+                start = replace(start, solver=solver, refinement=search.refinement(history))
+                return Solve(start, "samples", key)
     return None
 
 

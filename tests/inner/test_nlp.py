@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import nlp_of, request_of, varied
-from throwplan.planner.ocp import ThrowNlp, nlp_functions
+from throwplan.planner.ocp import Refinement, ThrowNlp, build_nlp, nlp_functions
 from throwplan.planner.samples import ReleaseSampler, starts
 from throwplan.planner.search import guess_from
 from throwplan.planner.throw import make_manipulator
@@ -61,6 +62,34 @@ def test_derivatives_are_those_of_the_whole_composition(name, integrator, solver
     for theirs, mine in zip(expected, ours, strict=True):
         near = 1e-10 * np.abs(theirs).max()
         np.testing.assert_allclose(mine.full().reshape(theirs.shape), theirs, rtol=0, atol=near)
+
+
+def test_nlps_that_share_functions_are_those_built_alone() -> None:
+    """Their stages are partly the same, with parameters at other places."""
+    base, shared = request_of(tp.load_scene("cup")), dict[str, object]()
+    kinds = [
+        (frozenset[str](), frozenset[str](), 0.0),
+        (frozenset({"flight"}), frozenset[str](), 0.0),
+        (frozenset({"torque"}), frozenset[str](), 1.0),
+        (frozenset({"carry"}), frozenset({"hand", "flying bar"}), 0.0),
+        (frozenset({"flight"}), frozenset({"flying bar"}), 1.0),
+    ]
+    rng, least = np.random.default_rng(2), math.inf
+    for lazy, bodies, elastic in kinds:
+        refinement = Refinement(lazy, bodies=bodies)
+        request = dataclasses.replace(base, refinement=refinement, elastic=elastic)
+        before = len(shared)
+        ours, alone = build_nlp(request, shared), build_nlp(request)
+        least = min(least, len(shared) - before)
+        assert ours.row_names == alone.row_names and ours.size == alone.size
+        x, factors = rng.uniform(0.1, 0.4, ours.size[0]), rng.standard_normal(ours.size[1])
+        p = ours.parameter_values(request)
+        for name, more in (("nlp_f", ()), ("nlp_jac_g", ()), ("nlp_hess_l", (1.3, factors))):
+            each = [nlp_functions(nlp, "fatrop")[name].call([x, p, *more]) for nlp in (ours, alone)]
+            for one, other in zip(*each, strict=True):
+                np.testing.assert_allclose(one.full(), other.full(), rtol=1e-12, atol=1e-12)
+    # A landing that may miss, say, changes the last stage alone.
+    assert least <= 2
 
 
 def model_errors(epsilon: float) -> np.ndarray:
