@@ -1,0 +1,147 @@
+"""The C++ program of `throwplan export --franka`, built against a stand-in for libfranka.
+
+The stand-in (tests/data/franka) writes down what arm and gripper are sent; its hand is described by
+environment variables.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from throwplan.planner.robot import joint_motion
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("g++") is None, reason="needs a C++ compiler"),
+]
+
+
+def thrown(folder: Path, **hand: object) -> tuple[subprocess.CompletedProcess[str], Any, Any]:
+    """The program of a folder, built and run: what it said, the rows (N, 7) of its two motions, to
+    the start pose and the one that throws, and its orders to the gripper."""
+    stand_in = Path(__file__).parent.parent / "data" / "franka"
+    flags = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-pthread", "-I", str(stand_in)]
+    command = ["g++", *flags, str(folder / "throw.cpp"), "-o", str(folder / "throw")]
+    subprocess.run(command, check=True)
+    said = subprocess.run(
+        [folder / "throw", "host"],
+        cwd=folder,
+        env=os.environ | {name: str(value) for name, value in hand.items()},
+        input="\n\n",
+        capture_output=True,
+        text=True,
+    )
+    motions = (folder / "sent.csv").read_text().split("motion,")[1:]
+    # Without limiter, with the filter open.
+    assert motions[1].splitlines()[0] == "0,1000"
+    rows = [
+        np.array([[float(v) for v in row.split(",")[:7]] for row in motion.splitlines()[1:]])
+        for motion in motions
+    ]
+    orders = list(csv.reader((folder / "orders.csv").read_text().splitlines()))
+    return said, rows, orders
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+def test_a_plan_is_sent_and_the_gripper_opens_in_its_cycle(turned, tmp_path, run) -> None:
+    run("export", turned[1], "--franka", tmp_path)
+    said, (way, sent), ((kind, width, *_, cycles),) = thrown(tmp_path)
+    assert said.returncode == 0 and said.stderr == ""
+    planned = np.loadtxt(tmp_path / "joints.csv", delimiter=",", skiprows=1)[:, 1:8]
+    np.testing.assert_allclose(sent, planned, atol=1e-9)
+    # Slowly to the start pose, from where the arm is.
+    np.testing.assert_allclose(way[[0, -1]], [np.zeros(7), planned[0]], atol=1e-12)
+    assert np.abs(np.diff(way, axis=0)).max() <= 0.2 * 1e-3 * (1 + 1e-6)
+    (row,) = rows_of(tmp_path / "gripper.csv")
+    assert (kind, float(width)) == ("move", 0.08) and int(cycles) >= int(row["cycle"])
+
+
+@pytest.mark.parametrize(
+    ("hand", "words"),
+    [({"OPENS": 0}, "did not open, is 20 mm wide"), ({"FAILS": 50}, "the connection ended")],
+)
+def test_a_plan_whose_gripper_fails_ends_with_a_line(turned, tmp_path, run, hand, words) -> None:
+    run("export", turned[1], "--franka", tmp_path)
+    said, (_, sent), _ = thrown(tmp_path, **hand)
+    assert said.returncode == 1 and words in said.stderr and said.stderr.count("\n") == 1
+    # After the opening the plan is the brake.
+    assert len(sent) == len(rows_of(tmp_path / "joints.csv"))
+
+
+@pytest.fixture
+def exported(six, tmp_path, run) -> Path:
+    """The folder of the six parts' program."""
+    assert run("export", six, "--franka", tmp_path).status == 0
+    return tmp_path
+
+
+def test_six_parts_are_picked_and_thrown(six, exported) -> None:
+    said, (_, sent), ((first, *_), *orders) = thrown(exported, HOLDS=0)
+    assert said.returncode == 0 and said.stderr == ""
+    motion = joint_motion(six)
+    np.testing.assert_allclose(sent, motion.q, atol=1e-9)
+    # The hand opens on the way; each command goes out in its cycle, not before.
+    assert first == "move" and [kind for kind, *_ in orders] == ["grasp", "move"] * 6
+    ends = [*(command.cycle for command in motion.commands[1:]), len(sent)]
+    for command, (_, *shape, cycles), end in zip(motion.commands, orders, ends, strict=True):
+        values = (command.width, command.tolerance, 0.2, command.force)
+        assert [float(value) for value in shape] == pytest.approx(values)
+        assert command.cycle <= int(cycles) < end
+
+
+@pytest.mark.parametrize(
+    ("hand", "number", "words", "kind"),
+    [
+        ({"GRASPS": 2}, 3, "was not grasped: the gripper is 0 mm wide and holds nothing", "grasp"),
+        ({"DROPS": 4, "AFTER": 700}, 4, "was lost: the gripper is 0 mm wide", "grasp"),
+        # The first order to open comes before the motion.
+        ({"OPENS": 2}, 2, "was not thrown: the gripper did not open, is 20 mm wide", "move"),
+        ({"FAILS": 1000}, 1, "the gripper's connection failed", "grasp"),
+    ],
+)
+def test_what_goes_wrong_with_an_object_stops_the_arm(
+    six, exported, hand, number, words, kind
+) -> None:
+    said, (_, sent), (_, *orders) = thrown(exported, HOLDS=0, **hand)
+    assert said.returncode == 1 and words in said.stderr and said.stderr.count("\n") == 1
+    motion = joint_motion(six)
+    carry = motion.carries[number - 1]
+    assert said.stderr.startswith(carry.pick) or "FAILS" in hand
+    # The gripper gets no further command.
+    assert len(orders) == 2 * number - (kind == "grasp") and orders[-1][0] == kind
+    # The rows of the motion, then those of a stop, to rest within all limits.
+    stops = np.loadtxt(exported / "stops.csv", delimiter=",", skiprows=1)
+    begins = np.unique(stops[:, 0]).astype(int)
+    brakes = [stops[stops[:, 0] == begin, 1:] for begin in begins]
+    (begin,) = (
+        begin
+        for begin, brake in zip(begins, brakes, strict=True)
+        if begin + len(brake) == len(sent) and np.abs(sent[begin:] - brake).max() < 1e-9
+    )
+    np.testing.assert_allclose(sent[:begin], motion.q[:begin], atol=1e-9)
+    last = carry.due + 100 if kind == "move" else carry.open.cycle
+    assert carry.reach < begin < last
+    values, limits = sent, motion.arm.limits
+    for most in (limits.velocity, limits.acceleration, limits.jerk):
+        values = np.diff(values, axis=0) / 1e-3
+        # The stand-in writes 12 digits.
+        assert (np.abs(values) <= np.array(most) * (1 + 1e-6) + 0.01).all()
+    assert np.abs(sent[-1] - sent[-2]).max() < 1e-6
+    if "GRASPS" in hand:
+        assert sent[-1] == pytest.approx(motion.q[carry.reach])
+
+
+def test_a_hand_that_holds_something_picks_nothing(exported) -> None:
+    with pytest.raises(FileNotFoundError, match="sent"):
+        thrown(exported, HOLDS=1)
