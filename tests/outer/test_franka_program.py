@@ -10,12 +10,13 @@ import csv
 import os
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from throwplan.planner.robot import joint_motion
+from throwplan.planner.robot import export, joint_motion
 
 pytestmark = [
     pytest.mark.slow,
@@ -23,30 +24,57 @@ pytestmark = [
 ]
 
 
-def thrown(folder: Path, **hand: object) -> tuple[subprocess.CompletedProcess[str], Any, Any]:
-    """The program of a folder, built and run: what it said, the rows (N, 7) of its two motions, to
-    the start pose and the one that throws, and its orders to the gripper."""
+def built(folder: Path) -> Path:
+    """A folder that `export --franka` has filled, with its program built."""
     stand_in = Path(__file__).parent.parent / "data" / "franka"
     flags = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-pthread", "-I", str(stand_in)]
     command = ["g++", *flags, str(folder / "throw.cpp"), "-o", str(folder / "throw")]
     subprocess.run(command, check=True)
-    said = subprocess.run(
-        [folder / "throw", "host"],
-        cwd=folder,
-        env=os.environ | {name: str(value) for name, value in hand.items()},
-        input="\n\n",
-        capture_output=True,
-        text=True,
-    )
-    motions = (folder / "sent.csv").read_text().split("motion,")[1:]
-    # Without limiter, with the filter open.
-    assert motions[1].splitlines()[0] == "0,1000"
-    rows = [
-        np.array([[float(v) for v in row.split(",")[:7]] for row in motion.splitlines()[1:]])
-        for motion in motions
-    ]
-    orders = list(csv.reader((folder / "orders.csv").read_text().splitlines()))
-    return said, rows, orders
+    return folder
+
+
+@pytest.fixture(scope="module")
+def planned(turned, tmp_path_factory) -> Path:
+    """The folder of a plan's program."""
+    folder = tmp_path_factory.mktemp("planned")
+    export(turned[1], franka=folder)
+    return built(folder)
+
+
+@pytest.fixture(scope="module")
+def cycling(six, tmp_path_factory) -> Path:
+    """The folder of the six parts' program."""
+    folder = tmp_path_factory.mktemp("cycling")
+    export(six, franka=folder)
+    return built(folder)
+
+
+@pytest.fixture
+def thrown(tmp_path) -> Callable[..., tuple[Any, Any, Any]]:
+    """A function that runs the program of a folder: what it said, the rows (N, 7) of its two
+    motions, to the start pose and the one that throws, and its orders to the gripper."""
+
+    def running(folder: Path, **hand: object) -> tuple[Any, Any, Any]:
+        said = subprocess.run(
+            [folder / "throw", "host", folder],
+            cwd=tmp_path,
+            env=os.environ | {name: str(value) for name, value in hand.items()},
+            input="\n\n",
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        motions = (tmp_path / "sent.csv").read_text().split("motion,")[1:]
+        # Without limiter, with the filter open.
+        assert motions[1].splitlines()[0] == "0,1000"
+        rows = [
+            np.array([[float(v) for v in row.split(",")[:7]] for row in motion.splitlines()[1:]])
+            for motion in motions
+        ]
+        orders = list(csv.reader((tmp_path / "orders.csv").read_text().splitlines()))
+        return said, rows, orders
+
+    return running
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -54,16 +82,15 @@ def rows_of(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(path.read_text().splitlines()))
 
 
-def test_a_plan_is_sent_and_the_gripper_opens_in_its_cycle(turned, tmp_path, run) -> None:
-    run("export", turned[1], "--franka", tmp_path)
-    said, (way, sent), ((kind, width, *_, cycles),) = thrown(tmp_path)
+def test_a_plan_is_sent_and_the_gripper_opens_in_its_cycle(planned, thrown) -> None:
+    said, (way, sent), ((kind, width, *_, cycles),) = thrown(planned)
     assert said.returncode == 0 and said.stderr == ""
-    planned = np.loadtxt(tmp_path / "joints.csv", delimiter=",", skiprows=1)[:, 1:8]
-    np.testing.assert_allclose(sent, planned, atol=1e-9)
+    rows = np.loadtxt(planned / "joints.csv", delimiter=",", skiprows=1)[:, 1:8]
+    np.testing.assert_allclose(sent, rows, atol=1e-9)
     # Slowly to the start pose, from where the arm is.
-    np.testing.assert_allclose(way[[0, -1]], [np.zeros(7), planned[0]], atol=1e-12)
+    np.testing.assert_allclose(way[[0, -1]], [np.zeros(7), rows[0]], atol=1e-12)
     assert np.abs(np.diff(way, axis=0)).max() <= 0.2 * 1e-3 * (1 + 1e-6)
-    (row,) = rows_of(tmp_path / "gripper.csv")
+    (row,) = rows_of(planned / "gripper.csv")
     assert (kind, float(width)) == ("move", 0.08) and int(cycles) >= int(row["cycle"])
 
 
@@ -71,23 +98,15 @@ def test_a_plan_is_sent_and_the_gripper_opens_in_its_cycle(turned, tmp_path, run
     ("hand", "words"),
     [({"OPENS": 0}, "did not open, is 20 mm wide"), ({"FAILS": 50}, "the connection ended")],
 )
-def test_a_plan_whose_gripper_fails_ends_with_a_line(turned, tmp_path, run, hand, words) -> None:
-    run("export", turned[1], "--franka", tmp_path)
-    said, (_, sent), _ = thrown(tmp_path, **hand)
+def test_a_plan_whose_gripper_fails_ends_with_a_line(planned, thrown, hand, words) -> None:
+    said, (_, sent), _ = thrown(planned, **hand)
     assert said.returncode == 1 and words in said.stderr and said.stderr.count("\n") == 1
     # After the opening the plan is the brake.
-    assert len(sent) == len(rows_of(tmp_path / "joints.csv"))
+    assert len(sent) == len(rows_of(planned / "joints.csv"))
 
 
-@pytest.fixture
-def exported(six, tmp_path, run) -> Path:
-    """The folder of the six parts' program."""
-    assert run("export", six, "--franka", tmp_path).status == 0
-    return tmp_path
-
-
-def test_six_parts_are_picked_and_thrown(six, exported) -> None:
-    said, (_, sent), ((first, *_), *orders) = thrown(exported, HOLDS=0)
+def test_six_parts_are_picked_and_thrown(six, cycling, thrown) -> None:
+    said, (_, sent), ((first, *_), *orders) = thrown(cycling, HOLDS=0)
     assert said.returncode == 0 and said.stderr == ""
     motion = joint_motion(six)
     np.testing.assert_allclose(sent, motion.q, atol=1e-9)
@@ -111,9 +130,9 @@ def test_six_parts_are_picked_and_thrown(six, exported) -> None:
     ],
 )
 def test_what_goes_wrong_with_an_object_stops_the_arm(
-    six, exported, hand, number, words, kind
+    six, cycling, thrown, hand, number, words, kind
 ) -> None:
-    said, (_, sent), (_, *orders) = thrown(exported, HOLDS=0, **hand)
+    said, (_, sent), (_, *orders) = thrown(cycling, HOLDS=0, **hand)
     assert said.returncode == 1 and words in said.stderr and said.stderr.count("\n") == 1
     motion = joint_motion(six)
     carry = motion.carries[number - 1]
@@ -121,7 +140,7 @@ def test_what_goes_wrong_with_an_object_stops_the_arm(
     # The gripper gets no further command.
     assert len(orders) == 2 * number - (kind == "grasp") and orders[-1][0] == kind
     # The rows of the motion, then those of a stop, to rest within all limits.
-    stops = np.loadtxt(exported / "stops.csv", delimiter=",", skiprows=1)
+    stops = np.loadtxt(cycling / "stops.csv", delimiter=",", skiprows=1)
     begins = np.unique(stops[:, 0]).astype(int)
     brakes = [stops[stops[:, 0] == begin, 1:] for begin in begins]
     (begin,) = (
@@ -142,6 +161,7 @@ def test_what_goes_wrong_with_an_object_stops_the_arm(
         assert sent[-1] == pytest.approx(motion.q[carry.reach])
 
 
-def test_a_hand_that_holds_something_picks_nothing(exported) -> None:
+def test_a_hand_that_holds_something_picks_nothing(cycling, tmp_path, thrown) -> None:
     with pytest.raises(FileNotFoundError, match="sent"):
-        thrown(exported, HOLDS=1)
+        thrown(cycling, HOLDS=1)
+    assert list(tmp_path.iterdir()) == []
