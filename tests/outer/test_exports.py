@@ -333,46 +333,6 @@ def test_a_cycles_bag_closes_at_each_pick_and_opens_for_each_throw(
     np.testing.assert_allclose(sent, times, atol=2.1e-3)
 
 
-def test_a_cycles_franka_files_have_its_commands_and_its_stops(
-    cycled, turned, tmp_path, run, table
-) -> None:
-    assert run("export", cycled, "--franka", tmp_path).status == 0
-    steps = json.loads((cycled / "cycle.json").read_text())["steps"]
-    rows = list(csv.DictReader((tmp_path / "gripper.csv").read_text().splitlines()))
-    assert [row["command"] for row in rows] == ["grasp", "open"] * 2
-    times = [step[key] for step in steps for key in ("reach_time", "command_time")]
-    assert [float(row["t"]) for row in rows] == pytest.approx(times, abs=1e-9)
-    for row, step in zip(rows[::2], steps, strict=True):
-        scene = step["definition"]
-        assert step["pick"] in row["object"]
-        assert float(row["width"]) == scene["object"]["width"]
-        assert float(row["force"]) == scene["gripper"]["force"]
-        # While the arm still waits.
-        assert step["reach_time"] < 0.001 * int(row["check"]) < step["held_time"]
-    sent, stops = table(tmp_path / "joints.csv"), table(tmp_path / "stops.csv")
-    begins, first, count = np.unique(stops["cycle"].astype(int), True, return_counts=True)
-    last = first + count - 1
-    # From the first grasp until the last object has left the hand.
-    assert begins[0] == 0 and 0.001 * begins[-1] > steps[-1]["detach_time"]
-    for j in JOINTS:
-        q = stops[f"q{j}"]
-        np.testing.assert_array_equal(q[first], sent[f"q{j}"][begins])
-        assert np.abs(q[last] - q[last - 1]).max() < 1e-6
-    # A plan's files take their place.
-    run("export", turned[1], "--franka", tmp_path)
-    assert not (tmp_path / "stops.csv").exists()
-
-
-def test_what_a_franka_hand_cannot_do_is_not_exported(cycled, tmp_path, refused) -> None:
-    folder = Path(shutil.copytree(cycled, tmp_path / "quick"))
-    table = json.loads((folder / "cycle.json").read_text())
-    samples = table["steps"][1]["samples"]
-    samples[0] = samples[1] - 300
-    (folder / "cycle.json").write_text(json.dumps(table))
-    said = refused("export", folder, "--franka", tmp_path / "f")
-    assert "(pick 2 of 2): the hand closes at" in said and not (tmp_path / "f").exists()
-
-
 def test_what_does_not_take_a_cycle_says_so(cycled, tmp_path, refused, untouched) -> None:
     untouched()
     assert "give --franka DIR, --ros DIR or both" in refused("export", cycled)

@@ -1,4 +1,4 @@
-"""The C++ program of `throwplan export --franka`, built against a stand-in for libfranka.
+"""`throwplan export --franka` of cycles; its C++ program, built against a stand-in for libfranka.
 
 The stand-in (tests/data/franka) writes down what arm and gripper are sent; its hand is described by
 environment variables.
@@ -7,6 +7,7 @@ environment variables.
 from __future__ import annotations
 
 import csv
+import json
 import os
 import shutil
 import subprocess
@@ -18,14 +19,53 @@ import numpy as np
 import pytest
 from throwplan.planner.robot import export, joint_motion
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(shutil.which("g++") is None, reason="needs a C++ compiler"),
-]
+JOINTS = range(1, 8)
+
+
+def test_a_cycles_franka_files_have_its_commands_and_its_stops(
+    cycled, turned, tmp_path, run, table
+) -> None:
+    assert run("export", cycled, "--franka", tmp_path).status == 0
+    steps = json.loads((cycled / "cycle.json").read_text())["steps"]
+    rows = list(csv.DictReader((tmp_path / "gripper.csv").read_text().splitlines()))
+    assert [row["command"] for row in rows] == ["grasp", "open"] * 2
+    times = [step[key] for step in steps for key in ("reach_time", "command_time")]
+    assert [float(row["t"]) for row in rows] == pytest.approx(times, abs=1e-9)
+    for row, step in zip(rows[::2], steps, strict=True):
+        scene = step["definition"]
+        assert step["pick"] in row["object"]
+        assert float(row["width"]) == scene["object"]["width"]
+        assert float(row["force"]) == scene["gripper"]["force"]
+        # While the arm still waits.
+        assert step["reach_time"] < 0.001 * int(row["check"]) < step["held_time"]
+    sent, stops = table(tmp_path / "joints.csv"), table(tmp_path / "stops.csv")
+    begins, first, count = np.unique(stops["cycle"].astype(int), True, return_counts=True)
+    last = first + count - 1
+    # From the first grasp until the last object has left the hand.
+    assert begins[0] == 0 and 0.001 * begins[-1] > steps[-1]["detach_time"]
+    for j in JOINTS:
+        q = stops[f"q{j}"]
+        np.testing.assert_array_equal(q[first], sent[f"q{j}"][begins])
+        assert np.abs(q[last] - q[last - 1]).max() < 1e-6
+    # A plan's files take their place.
+    run("export", turned[1], "--franka", tmp_path)
+    assert not (tmp_path / "stops.csv").exists()
+
+
+def test_what_a_franka_hand_cannot_do_is_not_exported(cycled, tmp_path, refused) -> None:
+    folder = Path(shutil.copytree(cycled, tmp_path / "quick"))
+    table = json.loads((folder / "cycle.json").read_text())
+    samples = table["steps"][1]["samples"]
+    samples[0] = samples[1] - 300
+    (folder / "cycle.json").write_text(json.dumps(table))
+    said = refused("export", folder, "--franka", tmp_path / "f")
+    assert "(pick 2 of 2): the hand closes at" in said and not (tmp_path / "f").exists()
 
 
 def built(folder: Path) -> Path:
     """A folder that `export --franka` has filled, with its program built."""
+    if shutil.which("g++") is None:
+        pytest.skip("needs a C++ compiler")
     stand_in = Path(__file__).parent.parent / "data" / "franka"
     flags = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-pthread", "-I", str(stand_in)]
     command = ["g++", *flags, str(folder / "throw.cpp"), "-o", str(folder / "throw")]
@@ -82,6 +122,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(path.read_text().splitlines()))
 
 
+@pytest.mark.slow
 def test_a_plan_is_sent_and_the_gripper_opens_in_its_cycle(planned, thrown) -> None:
     said, (way, sent), ((kind, width, *_, cycles),) = thrown(planned)
     assert said.returncode == 0 and said.stderr == ""
@@ -94,6 +135,7 @@ def test_a_plan_is_sent_and_the_gripper_opens_in_its_cycle(planned, thrown) -> N
     assert (kind, float(width)) == ("move", 0.08) and int(cycles) >= int(row["cycle"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hand", "words"),
     [({"OPENS": 0}, "did not open, is 20 mm wide"), ({"FAILS": 50}, "the connection ended")],
@@ -105,6 +147,7 @@ def test_a_plan_whose_gripper_fails_ends_with_a_line(planned, thrown, hand, word
     assert len(sent) == len(rows_of(planned / "joints.csv"))
 
 
+@pytest.mark.slow
 def test_six_parts_are_picked_and_thrown(six, cycling, thrown) -> None:
     said, (_, sent), ((first, *_), *orders) = thrown(cycling, HOLDS=0)
     assert said.returncode == 0 and said.stderr == ""
@@ -119,6 +162,7 @@ def test_six_parts_are_picked_and_thrown(six, cycling, thrown) -> None:
         assert command.cycle <= int(cycles) < end
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hand", "number", "words", "kind"),
     [
@@ -161,6 +205,7 @@ def test_what_goes_wrong_with_an_object_stops_the_arm(
         assert sent[-1] == pytest.approx(motion.q[carry.reach])
 
 
+@pytest.mark.slow
 def test_a_hand_that_holds_something_picks_nothing(cycling, tmp_path, thrown) -> None:
     with pytest.raises(FileNotFoundError, match="sent"):
         thrown(cycling, HOLDS=1)

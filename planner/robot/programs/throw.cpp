@@ -95,7 +95,7 @@ std::vector<std::pair<double, Joints>> read_rows(const std::string& path) {
 
 std::vector<Joints> read_joints(const std::string& path) {
   std::vector<Joints> found;
-  for (const auto& [t, q] : read_rows(path)) {
+  for (const auto& [time, q] : read_rows(path)) {
     found.push_back(q);
   }
   return found;
@@ -182,6 +182,7 @@ class Watch {
 
   // What is wrong in the cycle of a row of joints.csv. Called in turn; neither waits nor allocates.
   Fault look(std::size_t row, const Report& now) {
+    const bool next = given_ < commands_.size() && row >= commands_[given_].cycle;
     if (given_ > 0) {
       const Command& last = commands_[given_ - 1];
       if (!checked_ && row >= last.check) {
@@ -194,12 +195,11 @@ class Watch {
         return now.holds && fits ? Fault::kNone : Fault::kNotGrasped;
       }
       const bool same = now.holds && std::abs(now.width - kept_.width) < kMoved;
-      const bool due = given_ < commands_.size() && row >= commands_[given_].cycle;
-      if (checked_ && last.force > 0.0 && !same && !due) {
+      if (checked_ && last.force > 0.0 && !same && !next) {
         return Fault::kLost;
       }
     }
-    if (given_ < commands_.size() && row >= commands_[given_].cycle) {
+    if (next) {
       ++given_;
       checked_ = false;
     }
