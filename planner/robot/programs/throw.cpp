@@ -357,6 +357,9 @@ int main(int argc, char** argv) {
     }
     ask(picks ? "The arm picks and throws. Is each object at its pick, and everybody out of the way?"
               : "The arm throws. Is everybody out of the way?");
+    if (picks && gripper.readOnce().width < kOpenWidth - 2 * kMoved) {
+      throw std::runtime_error("the gripper has not opened: see Desk for its state");
+    }
     throw_it(robot, gripper, rows, commands, stops);
   } catch (const std::exception& error) {
     std::cerr << error.what() << std::endl;
