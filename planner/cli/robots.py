@@ -48,7 +48,9 @@ def run_arguments(add: Add) -> None:
     add("--dry", action="store_true", help="print the motion instead of sending it")
     words = "send the motion slowly, with an empty hand that stays closed"
     add("--rehearse", action="store_true", help=words)
-    words = "number of throws; each recording corrects the next throw (default: 1)"
+    words = (
+        "number of throws, each corrected by the last recording; of runs of a cycle (default: 1)"
+    )
     add("--repeat", type=integer(1, 100), metavar="N", default=1, help=words)
     words = "send the motion corrected by this recording of the plan"
     add("--after", metavar="RUN.CSV", help=words)
@@ -61,9 +63,8 @@ def run(options: argparse.Namespace) -> int:
 
     example: throwplan run out/fr3/plan.json --robot 172.16.0.2
     """
-    if is_cycle(options.plan) and (options.after is not None or options.repeat > 1):
-        words = "a cycle is not corrected by a recording, and is run once at a time"
-        raise InputError(f"--after, --repeat: not with a cycle: {words}")
+    if is_cycle(options.plan) and options.after is not None:
+        raise InputError("--after: not with a cycle: it is not corrected by a recording")
     plan = robot.joint_motion(options.plan)
     robot.check_motion(options.plan, plan)
     sent = plan

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from importlib.resources import files
 from pathlib import Path
@@ -17,15 +17,20 @@ from ...problems.files import filling, write_json
 from ..cycle import Cycle
 from ..result import Plan, write_table
 from ..throw import TICK, Samples, Throw
+from .franka import check_hand
 from .gripper import OPEN_WIDTH
 from .motions import Carry, GripperCommand, JointMotion, is_franka, joint_motion
+from .watch import GRASP_CHECK, find_stops
 
 #: Allowed gaps [m] of an opened gripper: a larger number is in millimetres.
 WIDTHS = {"least": 0.001, "most": 0.5, "unit": "m"}
 #: Program for libfranka that throws the files beside it.
 FRANKA_PROGRAM = ("throw.cpp", "CMakeLists.txt")
-#: Files for libfranka.
-FRANKA_FILES = ("joints.csv", "gripper.csv", "franka.json", "franka.txt", *FRANKA_PROGRAM)
+#: Files for libfranka; stops.csv only of a cycle.
+FRANKA_FILES = (
+    *("joints.csv", "gripper.csv", "stops.csv", "franka.json", "franka.txt"),
+    *FRANKA_PROGRAM,
+)
 #: Program for ROS 2 that throws the bag beside it.
 ROS_PROGRAM = ("throw_node.py",)
 #: Files of the bag.
@@ -64,9 +69,8 @@ def export(
     if franka is not None and not is_franka(motion.arm):
         words = f"the plan's arm is {motion.arm.name}, must be a Franka; --ros takes any arm"
         raise InputError(f"--franka: {words}")
-    if franka is not None and motion.picks:
-        words = "its program does not watch the gripper: `throwplan run` does, or take --ros"
-        raise InputError(f"--franka: not for a cycle: {words}")
+    if franka is not None:
+        check_hand("--franka", motion)
     joints = joint_names(motion.arm, names)
     commands = [
         GripperCommand(command.time, 0.0 if command.force else width, command.force)
@@ -90,43 +94,83 @@ FRANKA_TEXT = """\
 throw.cpp    throws it: cmake -B build && cmake --build build && build/throw HOST
              (needs libfranka 0.9 or newer; `throwplan run` does the same from Python).
 joints.csv   t and all joints, q [rad] and dq [rad/s], one row per control cycle of 1 ms.
-gripper.csv  the opening command: t [s], the row of joints.csv (0 is the first) in whose cycle
-             it goes out, and how much of that cycle has passed then.
+gripper.csv  {commands}: t [s], the row of joints.csv (0 is the first) in whose cycle
+             it goes out, and how much of that cycle has passed then.{more}
 franka.json  the same as numbers.
 
 The program moves slowly to the start pose, which is the first row,
    q = [{start}] rad,
 and asks before each motion. It sends a row per cycle without libfranka's rate limiter and
-low-pass filter, which would change the motion; it is within the limits as it is. The gripper's
-opening command goes out {command:.1f} ms after the first row, in row {cycle}. The plan takes the
-force to start falling {dwell:.1f} ms later and to be zero {opening:.1f} ms after that; what your
-gripper and network really need belongs into the scene's [gripper] and [uncertainty] delay. The
+low-pass filter, which would change the motion; it is within the limits as it is. {gripper} The
 last row is at rest, after {duration:.3f} s.
 
 Checked: position, velocity, acceleration and jerk of every joint, and what the scene asks;
 throwplan's README says what is not checked. Not checked: the way to the start pose.
 """
+PLAN_GRIPPER = """\
+The gripper's
+opening command goes out {command:.1f} ms after the first row, in row {cycle}. The plan takes the
+force to start falling {dwell:.1f} ms later and to be zero {opening:.1f} ms after that; what your
+gripper and network really need belongs into the scene's [gripper] and [uncertainty] delay."""
+CYCLE_FILES = """
+             check: the row at which it must be done. width and tolerance [m] of the gap,
+             force [N] of a grasp, 0 of an opening; object: its name.
+stops.csv    motions to rest: joints q [rad] that take the place of those of joints.csv from row
+             `cycle` on, one row per control cycle. All keep the limits, and meet nothing with
+             the object in the hand."""
+CYCLE_GRIPPER = """\
+The empty
+gripper opens before, grasps each of {count} objects at its pick, where the arm waits, and opens for
+its throw. The program watches it. If at a row `check` the gripper does not hold its object, or has
+not opened; if it loses the object on the way; or if its connection fails: it gets no further
+command, the arm follows the next of the stops, and the program ends with one line."""
 
 
 def write_franka(motion: JointMotion, folder: Path) -> None:
     """Write `FRANKA_FILES` into `folder`."""
     write_table(folder / "joints.csv", {"t": motion.times, "q": motion.q, "dq": motion.dq})
-    throw, opening = motion.throw, motion.carries[0].open
-    row = f"{opening.time:.12g},open,{opening.cycle},{opening.fraction:.6f}"
-    (folder / "gripper.csv").write_text(f"t,command,cycle,fraction\n{row}\n", encoding="utf-8")
+    (folder / "gripper.csv").write_text("\n".join(_gripper_rows(motion)) + "\n", encoding="utf-8")
     write_json(folder / "franka.json", motion_facts(motion))
+    if motion.picks:
+        stops = find_stops(motion)
+        rows = [np.vstack([motion.q[stop.sample], stop.q]) for stop in stops]
+        begins = np.repeat([stop.sample for stop in stops], [len(q) for q in rows])
+        write_table(folder / "stops.csv", {"cycle": begins, "q": np.vstack(rows)})
+    throw, opening = motion.throw, motion.carries[0].open
+    gripper = CYCLE_GRIPPER if motion.picks else PLAN_GRIPPER
     words = FRANKA_TEXT.format(
         scene=throw.scene.name,
         arm=motion.arm.description or motion.arm.name,
+        commands="each command" if motion.picks else "the opening command",
+        more=CYCLE_FILES if motion.picks else "",
         start=", ".join(f"{angle:.6f}" for angle in motion.q[0]),
-        command=1e3 * opening.time,
-        cycle=opening.cycle,
-        dwell=1e3 * (throw.opening_time - throw.command_time),
-        opening=1e3 * throw.scene.gripper.profile().opening,
         duration=motion.times[-1],
+        gripper=gripper.format(
+            count=len(motion.carries),
+            command=1e3 * opening.time,
+            cycle=opening.cycle,
+            dwell=1e3 * (throw.opening_time - throw.command_time),
+            opening=1e3 * throw.scene.gripper.profile().opening,
+        ),
     )
     (folder / "franka.txt").write_text(words, encoding="utf-8")
     _write_programs(folder, FRANKA_PROGRAM)
+
+
+def _gripper_rows(motion: JointMotion) -> Iterator[str]:
+    """The lines of gripper.csv."""
+    header = "t,command,cycle,fraction"
+    yield f"{header},check,width,tolerance,force,object" if motion.picks else header
+    for carry in motion.carries:
+        checks = (carry.held - GRASP_CHECK, carry.due) if carry.pick else (None,)
+        commands = (carry.close, carry.open) if carry.pick else (carry.open,)
+        for command, check in zip(commands, checks, strict=True):
+            kind = "grasp" if command.force else "open"
+            row = f"{command.time:.12g},{kind},{command.cycle},{command.fraction:.6f}"
+            if carry.pick:
+                shape = f"{command.width:g},{command.tolerance:g},{command.force:g}"
+                row += f",{check},{shape},{carry.pick}"
+            yield row
 
 
 def _write_programs(folder: Path, names: Sequence[str]) -> None:

@@ -154,11 +154,14 @@ def check_arm(where: str | Path, arm: Arm) -> None:
 
 
 def check_motion(where: str | Path, motion: JointMotion) -> None:
-    """InputError, naming `where`, unless an FR3 can send the motion.
-
-    Besides the arm: the hand can close at a cycle's picks, in time and with that force.
-    """
+    """InputError, naming `where`, unless an FR3 with its hand can send the motion."""
     check_arm(where, motion.arm)
+    check_hand(where, motion)
+
+
+def check_hand(where: str | Path, motion: JointMotion) -> None:
+    """InputError, naming `where`, unless a Franka Hand closes at a cycle's picks in time and with
+    the scene's force."""
     for carry in motion.carries if motion.picks else ():
         scene, close = carry.throw.scene, carry.close
         delay = scene.gripper.profile().dwell + scene.mean_delay

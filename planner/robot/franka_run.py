@@ -33,33 +33,35 @@ REHEARSAL_SPEED = 0.25
 def throws(
     franka: Franka, plan: JointMotion, sent: JointMotion, ask: Callable[[str], None]
 ) -> Iterator[Recording]:
-    """Throw repeatedly: first `sent`, then each time the motion corrected by the last recording.
+    """Throw repeatedly: first `sent`, then each time the motion corrected by the last recording,
+    of a cycle the same motion.
 
-    A cycle's motion is sent once. ask: called with what comes next before anything moves; its
-    exceptions stop the throws. They end after a throw with trouble.
+    ask: called with what comes next before anything moves; its exceptions stop the throws. They end
+    after a throw with trouble.
     """
     ready: GripperState | None = None
     while True:
         start, gripper = franka.check(plan.arm)
-        ready, way = ready or _ready_state(franka, sent, gripper), approach(sent, start)
-        stops = find_stops(sent)
+        if ready is None or sent.picks:
+            ready = _ready_state(franka, sent, gripper)
+        way, stops = approach(sent, start), find_stops(sent)
         what = f"{len(sent.carries)} picks and throws" if sent.picks else "the throw"
         words = (
             f"{_approach_words(franka, sent, start)}, then {what} in {sent.times[-1]:.2f} s; "
             f"the gripper {_changes(gripper, ready)}\n{Expectations(sent, way).words}\n"
-            "  Python sends it, and misses cycles on a busy machine"
+            "  Python sends it, and misses cycles on a busy machine: for throws in earnest take "
+            "the C++ program of export --franka"
         )
-        if not sent.picks:
-            words += ": for throws in earnest take the C++ program of export --franka"
         ask(words)
         # The object may have been lost while a person answered.
         if not _equal(franka.gripper.state(), ready):
             _restore(franka.gripper, ready)
         recording = play(franka, sent, way, stops)
         yield recording
-        if recording.trouble or sent.picks:
+        if recording.trouble:
             return
-        sent, _ = corrected(plan, recording)
+        if not sent.picks:
+            sent, _ = corrected(plan, recording)
 
 
 def _ready_state(franka: Franka, motion: JointMotion, now: GripperState) -> GripperState:

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 import pytest
+import throwplan as tp
 from throwplan.planner.cli import main
 
 
@@ -96,3 +97,15 @@ def untouched(tmp_path: Path):
 def table() -> Callable[[Path], np.ndarray]:
     """Reads a CSV file with a header line."""
     return lambda path: np.genfromtxt(path, delimiter=",", names=True)
+
+
+@pytest.fixture(scope="session")
+def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the shipped cycle by an FR3, whose hand has the time to close;
+    not to be changed."""
+    folder = tmp_path_factory.mktemp("six")
+    text = (Path(tp.__file__).parent / "problems" / "jobs" / "six-parts.toml").read_text("utf-8")
+    text = text.replace('"cup"', '"fr3"').replace("grasp_time = 0.3", "")
+    (folder / "jobs.toml").write_text(text.replace("[[pick]]", "[[pick]]\ngrasp_time = 0.5"))
+    tp.save_cycle(tp.plan_cycle(tp.load_jobs(folder / "jobs.toml")), folder / "out")
+    return folder / "out"

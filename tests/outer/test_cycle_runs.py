@@ -41,7 +41,7 @@ def one_run(franka: Franka, motion: JointMotion) -> tuple[Recording, np.ndarray,
     """The recording of a run, what the arm was sent in it, and what was asked; it ends at rest
     within all limits."""
     asked, limits = list[str](), motion.arm.limits
-    (recording,) = throws(franka, motion, motion, asked.append)
+    recording = next(throws(franka, motion, motion, asked.append))
     values = sent = np.array(franka.robot.sent)
     for most in (limits.velocity, limits.acceleration, limits.jerk):
         values = np.diff(values, axis=0) / TICK
@@ -68,6 +68,25 @@ def test_the_gripper_closes_at_each_pick_and_opens_for_each_throw(motion, cycled
     np.testing.assert_allclose(recording.command_times, opens, rtol=0, atol=1e-9)
     for words in ("2 picks and throws in", "sweep x ", "load to set: 0.24 kg", "thresholds"):
         assert words in asked[0]
+
+
+def test_a_cycle_is_run_again_only_when_asked(motion) -> None:
+    """The same motion from where it ended, each time after a question."""
+    franka, asked, found = opened(), list[str](), list[Recording]()
+
+    def ask(words: str) -> None:
+        asked.append(words)
+        if len(asked) == 3:
+            raise InputError("not confirmed")
+
+    with pytest.raises(InputError, match="not confirmed"):
+        for recording in throws(franka, motion, motion, ask):
+            found.append(recording)
+    for recording in found:
+        np.testing.assert_array_equal(recording.sent[: len(motion.q)], motion.q)
+        assert recording.trouble == "" and len(recording.command_times) == 2
+    assert [name for name, _ in franka.gripper.orders] == ["grasp", "move"] * 4
+    assert "joint 1 moves 0.00 rad" in asked[1]
 
 
 @pytest.mark.parametrize("grasps", [pytest.param(0, marks=pytest.mark.slow), 1])

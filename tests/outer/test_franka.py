@@ -152,17 +152,6 @@ def test_a_gripper_that_does_not_open_ends_in_a_stop(robot, saved, tmp_path, run
     assert refusals(joint_motion(plan).q) == []
 
 
-@pytest.fixture(scope="module")
-def six(tmp_path_factory) -> Path:
-    """The folder of the shipped cycle by an FR3, whose hand has the time to close."""
-    folder = tmp_path_factory.mktemp("six")
-    text = (Path(tp.__file__).parent / "problems" / "jobs" / "six-parts.toml").read_text("utf-8")
-    text = text.replace('"cup"', '"fr3"').replace("grasp_time = 0.3", "")
-    (folder / "jobs.toml").write_text(text.replace("[[pick]]", "[[pick]]\ngrasp_time = 0.5"))
-    tp.save_cycle(tp.plan_cycle(tp.load_jobs(folder / "jobs.toml")), folder / "out")
-    return folder / "out"
-
-
 @pytest.mark.slow
 def test_a_robot_picks_and_throws_six_parts(robot, six, tmp_path, run, table) -> None:
     with relayed(HANDY, robot, "hand", 6, 0, 0):

@@ -1,7 +1,10 @@
-// Throws the plan of joints.csv and gripper.csv with a Franka robot: throw HOST [FOLDER]
+// Throws the plan or the cycle in FOLDER with a Franka robot: throw HOST [FOLDER]
 //
 // It moves slowly to the start pose, asks, sends a row of joints.csv each millisecond, and gives the
-// gripper's opening command in its cycle. The object must be in the gripper, held by its grasp command.
+// gripper each command of gripper.csv in its cycle. A plan's object must be in the gripper, held by its
+// grasp command. A cycle's objects are picked up on the way, and the gripper is watched: if it has not
+// grasped an object, loses one or does not open, or if its connection fails, it gets no further command,
+// and the arm brakes along the next stop of stops.csv.
 
 #include <algorithm>
 #include <array>
@@ -11,10 +14,13 @@
 #include <cstddef>
 #include <fstream>
 #include <iostream>
+#include <limits>
+#include <map>
 #include <sstream>
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <franka/exception.h>
@@ -28,20 +34,30 @@ using Joints = std::array<double, 7>;
 
 constexpr double kSlow = 0.2;           // rad/s, fastest joint on the way to the start pose
 constexpr double kOpenWidth = 0.08;     // m
-constexpr double kOpenSpeed = 0.2;      // m/s
+constexpr double kGripperSpeed = 0.2;   // m/s
+constexpr double kMoved = 2e-3;         // m, change of the gripper's width above its noise
 constexpr double kStartNear = 1e-3;     // rad, every joint from the start pose before the throw
 
-struct Opening {
-  std::size_t cycle;  // row of joints.csv in whose cycle the command goes out
-  double fraction;    // of that cycle which has passed then
+// A command to the gripper: a row of gripper.csv. What follows `fraction` only a cycle has.
+struct Command {
+  std::size_t cycle = 0;   // row of joints.csv in whose cycle it goes out
+  double fraction = 0.0;   // of that cycle which has passed then
+  std::size_t check = std::numeric_limits<std::size_t>::max();  // row at which it must be done
+  double width = kOpenWidth, tolerance = 0.0;  // m
+  double force = 0.0;   // N of a grasp, 0 of an opening
+  std::string object;   // its name
 };
 
-std::vector<double> numbers(const std::string& line, std::size_t least) {
-  std::vector<double> found;
-  std::stringstream cells(line);
+// The motions to rest that may take the place of joints.csv, by the row at which they begin.
+using Stops = std::map<std::size_t, std::vector<Joints>>;
+
+// The first eight cells of a line, and the rest of it as one more.
+std::vector<std::string> cells(const std::string& line, std::size_t least) {
+  std::vector<std::string> found;
+  std::stringstream stream(line);
   std::string cell;
-  while (std::getline(cells, cell, ',')) {
-    found.push_back(cell == "open" ? 0.0 : std::stod(cell));
+  while (std::getline(stream, cell, found.size() < 8 ? ',' : '\n')) {
+    found.push_back(cell);
   }
   if (found.size() < least) {
     throw std::runtime_error("too few columns: " + line);
@@ -49,37 +65,68 @@ std::vector<double> numbers(const std::string& line, std::size_t least) {
   return found;
 }
 
-std::ifstream opened(const std::string& path) {
+// The lines of a file after its header.
+std::vector<std::string> lines(const std::string& path) {
   std::ifstream file(path);
-  std::string header;
-  if (!std::getline(file, header)) {
-    throw std::runtime_error(path + ": cannot be read");
-  }
-  return file;
-}
-
-std::vector<Joints> read_joints(const std::string& path) {
-  std::ifstream file = opened(path);
-  std::vector<Joints> rows;
+  std::vector<std::string> found;
   std::string line;
   while (std::getline(file, line)) {
-    const std::vector<double> row = numbers(line, 8);  // t, q1 ... q7, dq1 ... dq7
-    Joints q;
-    std::copy_n(row.begin() + 1, 7, q.begin());
-    rows.push_back(q);
+    found.push_back(line);
   }
-  if (rows.size() < 2) {
-    throw std::runtime_error(path + ": has no motion");
+  if (found.size() < 2) {
+    throw std::runtime_error(path + ": cannot be read");
+  }
+  found.erase(found.begin());
+  return found;
+}
+
+// The first number of each line, and the joints after it.
+std::vector<std::pair<double, Joints>> read_rows(const std::string& path) {
+  std::vector<std::pair<double, Joints>> rows;
+  for (const std::string& line : lines(path)) {
+    const std::vector<std::string> row = cells(line, 8);
+    Joints q;
+    std::transform(row.begin() + 1, row.begin() + 8, q.begin(),
+                   [](const std::string& cell) { return std::stod(cell); });
+    rows.emplace_back(std::stod(row[0]), q);
   }
   return rows;
 }
 
-Opening read_opening(const std::string& path) {
-  std::ifstream file = opened(path);
-  std::string line;
-  std::getline(file, line);
-  const std::vector<double> row = numbers(line, 4);  // t, command, cycle, fraction
-  return {static_cast<std::size_t>(row[2]), row[3]};
+std::vector<Joints> read_joints(const std::string& path) {
+  std::vector<Joints> found;
+  for (const auto& [time, q] : read_rows(path)) {
+    found.push_back(q);
+  }
+  return found;
+}
+
+Stops read_stops(const std::string& path) {
+  Stops found;
+  for (const auto& [cycle, q] : read_rows(path)) {
+    found[static_cast<std::size_t>(cycle)].push_back(q);
+  }
+  return found;
+}
+
+std::vector<Command> read_commands(const std::string& path) {
+  std::vector<Command> found;
+  for (const std::string& line : lines(path)) {
+    // t, command, cycle, fraction; of a cycle of picks also check, width, tolerance, force, object.
+    const std::vector<std::string> row = cells(line, 4);
+    Command command;
+    command.cycle = std::stoul(row[2]);
+    command.fraction = std::stod(row[3]);
+    if (row.size() > 8) {
+      command.check = std::stoul(row[4]);
+      command.width = std::stod(row[5]);
+      command.tolerance = std::stod(row[6]);
+      command.force = std::stod(row[7]);
+      command.object = row[8];
+    }
+    found.push_back(command);
+  }
+  return found;
 }
 
 void ask(const std::string& what) {
@@ -114,41 +161,167 @@ void move_to(franka::Robot& robot, const Joints& goal) {
   });
 }
 
+// What the gripper reported last.
+struct Report {
+  float width;  // m
+  bool holds;   // something
+};
+
+Report report_of(const franka::Gripper& gripper) {
+  const franka::GripperState state = gripper.readOnce();
+  return {static_cast<float>(state.width), state.is_grasped};
+}
+
+enum class Fault { kNone, kConnection, kNotGrasped, kLost, kNotOpened };
+
+// Compares the gripper's reports with its commands.
+class Watch {
+ public:
+  Watch(const std::vector<Command>& commands, const Report& before)
+      : commands_(commands), kept_(before) {}
+
+  // What is wrong in the cycle of a row of joints.csv. Called in turn; neither waits nor allocates.
+  Fault look(std::size_t row, const Report& now) {
+    const bool next = given_ < commands_.size() && row >= commands_[given_].cycle;
+    if (given_ > 0) {
+      const Command& last = commands_[given_ - 1];
+      if (!checked_ && row >= last.check) {
+        checked_ = true;
+        if (last.force == 0.0) {
+          return is_open(now) ? Fault::kNone : Fault::kNotOpened;
+        }
+        kept_ = now;
+        const bool fits = std::abs(now.width - last.width) < last.tolerance;
+        return now.holds && fits ? Fault::kNone : Fault::kNotGrasped;
+      }
+      const bool same = now.holds && std::abs(now.width - kept_.width) < kMoved;
+      if (checked_ && last.force > 0.0 && !same && !next) {
+        return Fault::kLost;
+      }
+    }
+    if (next) {
+      ++given_;
+      checked_ = false;
+    }
+    return Fault::kNone;
+  }
+
+  // Whether the gripper is wider than around the last object.
+  bool is_open(const Report& now) const { return now.width >= kept_.width + kMoved; }
+
+  std::string words(Fault fault, const Report& now) const {
+    if (fault == Fault::kConnection) {
+      return "the gripper's connection failed; the arm has stopped";
+    }
+    const std::string object = given_ > 0 ? commands_[given_ - 1].object : "";
+    std::ostringstream found;
+    found << (object.empty() ? "the object" : object)
+          << (fault == Fault::kNotGrasped ? " was not grasped: the gripper is "
+              : fault == Fault::kLost     ? " was lost: the gripper is "
+                                          : " was not thrown: the gripper did not open, is ")
+          << std::round(1e3 * now.width) << " mm wide and holds "
+          << (now.holds ? "something" : "nothing") << "; the arm has stopped";
+    return found.str();
+  }
+
+ private:
+  const std::vector<Command>& commands_;
+  std::size_t given_ = 0;  // commands until now
+  bool checked_ = false;   // the last of them
+  Report kept_;            // around the last object
+};
+
+void give(const franka::Gripper& gripper, const Command& command, std::atomic<bool>& failed) {
+  try {
+    if (command.force > 0.0) {
+      gripper.grasp(command.width, kGripperSpeed, command.force, command.tolerance,
+                    command.tolerance);
+    } else {
+      gripper.move(command.width, kGripperSpeed);
+    }
+  } catch (const franka::CommandException&) {
+    // Not done, or aborted by the next command: the width tells.
+  } catch (const franka::Exception&) {
+    failed = true;
+  }
+}
+
 void throw_it(franka::Robot& robot, franka::Gripper& gripper, const std::vector<Joints>& rows,
-              const Opening& opening) {
+              const std::vector<Command>& commands, const Stops& stops) {
   std::atomic<std::size_t> row{0};
-  std::atomic<bool> ended{false};
-  // The gripper's call blocks, so it has a thread of its own.
-  std::thread releasing([&] {
-    while (row < opening.cycle && !ended) {
-      std::this_thread::sleep_for(std::chrono::microseconds(50));
+  std::atomic<bool> ended{false}, failed{false};
+  std::atomic<Report> last{report_of(gripper)};
+  Watch watch(commands, last);
+  // A call of the gripper blocks until it has moved, so each has a thread of its own.
+  std::thread commanding([&] {
+    std::vector<std::thread> calls;
+    for (const Command& command : commands) {
+      while (row < command.cycle && !ended) {
+        std::this_thread::sleep_for(std::chrono::microseconds(50));
+      }
+      if (row < command.cycle) {
+        break;  // The arm stops before: keep the object.
+      }
+      std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(command.fraction));
+      calls.emplace_back([&] { give(gripper, command, failed); });
     }
-    if (row < opening.cycle) {
-      return;  // The arm stopped before: keep the object.
-    }
-    std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(opening.fraction));
-    try {
-      gripper.move(kOpenWidth, kOpenSpeed);
-    } catch (const franka::Exception& error) {
-      std::cerr << "gripper: " << error.what() << std::endl;
+    for (std::thread& call : calls) {
+      call.join();
     }
   });
+  std::thread watching([&] {
+    try {
+      while (!stops.empty() && !ended) {
+        last = report_of(gripper);
+      }
+    } catch (const franka::Exception&) {
+      failed = true;
+    }
+  });
+  Fault fault = Fault::kNone;
+  Report seen = last;
+  std::size_t sample = 0;
+  Stops::const_iterator stop = stops.end();
+  const auto end = [&] {
+    ended = true;
+    commanding.join();
+    watching.join();
+  };
   try {
     // No limiter and no filter: the motion is within the limits, and they would change it.
     robot.control(
         [&](const franka::RobotState&, franka::Duration period) {
-          row = std::min(row + static_cast<std::size_t>(period.toMSec()), rows.size() - 1);
-          const franka::JointPositions next(rows[row]);
-          return row + 1 == rows.size() ? franka::MotionFinished(next) : next;
+          sample += static_cast<std::size_t>(period.toMSec());
+          if (fault == Fault::kNone) {
+            seen = last;
+            const std::size_t next = std::min(sample, rows.size() - 1);
+            fault = failed ? Fault::kConnection : watch.look(next, seen);
+            if (fault == Fault::kNone) {
+              row = next;
+            } else {
+              ended = true;
+              stop = stops.lower_bound(sample);
+            }
+          }
+          const bool brakes = stop != stops.end() && sample >= stop->first;
+          const std::vector<Joints>& path = brakes ? stop->second : rows;
+          const std::size_t at = std::min(sample - (brakes ? stop->first : 0), path.size() - 1);
+          const franka::JointPositions next(path[at]);
+          return at + 1 == path.size() ? franka::MotionFinished(next) : next;
         },
         franka::ControllerMode::kJointImpedance, false, franka::kMaxCutoffFrequency);
   } catch (...) {
-    ended = true;
-    releasing.join();
+    end();
     throw;
   }
-  ended = true;
-  releasing.join();
+  end();
+  if (fault == Fault::kNone) {
+    seen = report_of(gripper);
+    fault = failed ? Fault::kConnection : watch.is_open(seen) ? Fault::kNone : Fault::kNotOpened;
+  }
+  if (fault != Fault::kNone) {
+    throw std::runtime_error(watch.words(fault, seen));
+  }
 }
 
 }  // namespace
@@ -161,13 +334,20 @@ int main(int argc, char** argv) {
   const std::string folder = argc == 3 ? argv[2] : ".";
   try {
     const std::vector<Joints> rows = read_joints(folder + "/joints.csv");
-    const Opening opening = read_opening(folder + "/gripper.csv");
+    const std::vector<Command> commands = read_commands(folder + "/gripper.csv");
+    const bool picks = commands.front().force > 0.0;
+    const Stops stops = picks ? read_stops(folder + "/stops.csv") : Stops{};
     franka::Robot robot(argv[1]);
     franka::Gripper gripper(argv[1]);
-    if (!gripper.readOnce().is_grasped) {
-      throw std::runtime_error("the gripper holds nothing: let it grasp the object first");
+    if (gripper.readOnce().is_grasped == picks) {
+      throw std::runtime_error(picks ? "the gripper holds an object: take it out first"
+                                     : "the gripper holds nothing: let it grasp the object first");
     }
-    ask("The arm moves slowly to the start pose. Is the way clear?");
+    ask(std::string(picks ? "The gripper opens, and the arm" : "The arm") +
+        " moves slowly to the start pose. Is the way clear?");
+    if (picks) {
+      gripper.move(kOpenWidth, kGripperSpeed);
+    }
     move_to(robot, rows.front());
     const Joints q = robot.readOnce().q_d;
     for (std::size_t j = 0; j < q.size(); ++j) {
@@ -175,8 +355,12 @@ int main(int argc, char** argv) {
         throw std::runtime_error("joint " + std::to_string(j + 1) + " is not on the start pose");
       }
     }
-    ask("The arm throws. Is everybody out of the way?");
-    throw_it(robot, gripper, rows, opening);
+    ask(picks ? "The arm picks and throws. Is each object at its pick, and everybody out of the way?"
+              : "The arm throws. Is everybody out of the way?");
+    if (picks && gripper.readOnce().width < kOpenWidth - 2 * kMoved) {
+      throw std::runtime_error("the gripper has not opened: see Desk for its state");
+    }
+    throw_it(robot, gripper, rows, commands, stops);
   } catch (const std::exception& error) {
     std::cerr << error.what() << std::endl;
     return 1;

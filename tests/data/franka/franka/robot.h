@@ -4,6 +4,7 @@
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <fstream>
 #include <functional>
@@ -39,8 +40,9 @@ inline JointPositions MotionFinished(JointPositions command) {
   return command;
 }
 
-//! Commands sent since the last motion began.
-inline std::atomic<uint64_t> sent{0};
+//! Motions until now; commands sent in the last one; ms of the clock of robot and gripper; whether it moves.
+inline std::atomic<uint64_t> motions{0}, sent{0}, ticks{0};
+inline std::atomic<bool> moves{false};
 
 enum class ControllerMode { kJointImpedance, kCartesianImpedance };
 
@@ -59,6 +61,10 @@ class Robot {
     file.precision(12);
     file << "motion," << limit_rate << "," << cutoff_frequency << "\n";
     sent = 0;
+    ++motions;
+    moves = true;
+    // The way to the start pose may take less time than it says.
+    const std::chrono::microseconds tick(limit_rate || cutoff_frequency < 1000.0 ? 0 : 1000);
     for (uint64_t first = 0;; first = 1) {
       JointPositions command = next(state_, Duration(first));
       state_.q_d = command.q;
@@ -67,10 +73,12 @@ class Robot {
       }
       file << "\n";
       ++sent;
+      ++ticks;
       if (command.motion_finished) {
+        moves = false;
         return;
       }
-      std::this_thread::sleep_for(std::chrono::microseconds(200));
+      std::this_thread::sleep_for(tick);
     }
   }
 

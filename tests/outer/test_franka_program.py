@@ -1,0 +1,220 @@
+"""`throwplan export --franka` of cycles; its C++ program, built against a stand-in for libfranka.
+
+The stand-in (tests/data/franka) writes down what arm and gripper are sent; its hand is described by
+environment variables.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from throwplan.planner.robot import export, joint_motion
+
+JOINTS = range(1, 8)
+
+
+def test_a_cycles_franka_files_have_its_commands_and_its_stops(
+    cycled, turned, tmp_path, run, table
+) -> None:
+    assert run("export", cycled, "--franka", tmp_path).status == 0
+    steps = json.loads((cycled / "cycle.json").read_text())["steps"]
+    rows = list(csv.DictReader((tmp_path / "gripper.csv").read_text().splitlines()))
+    assert [row["command"] for row in rows] == ["grasp", "open"] * 2
+    times = [step[key] for step in steps for key in ("reach_time", "command_time")]
+    assert [float(row["t"]) for row in rows] == pytest.approx(times, abs=1e-9)
+    for row, step in zip(rows[::2], steps, strict=True):
+        scene = step["definition"]
+        assert step["pick"] in row["object"]
+        assert float(row["width"]) == scene["object"]["width"]
+        assert float(row["force"]) == scene["gripper"]["force"]
+        # While the arm still waits.
+        assert step["reach_time"] < 0.001 * int(row["check"]) < step["held_time"]
+    sent, stops = table(tmp_path / "joints.csv"), table(tmp_path / "stops.csv")
+    begins, first, count = np.unique(stops["cycle"].astype(int), True, return_counts=True)
+    last = first + count - 1
+    # From the first grasp until the last object has left the hand.
+    assert begins[0] == 0 and 0.001 * begins[-1] > steps[-1]["detach_time"]
+    for j in JOINTS:
+        q = stops[f"q{j}"]
+        np.testing.assert_array_equal(q[first], sent[f"q{j}"][begins])
+        assert np.abs(q[last] - q[last - 1]).max() < 1e-6
+    # A plan's files take their place.
+    run("export", turned[1], "--franka", tmp_path)
+    assert not (tmp_path / "stops.csv").exists()
+
+
+def test_what_a_franka_hand_cannot_do_is_not_exported(cycled, tmp_path, refused) -> None:
+    folder = Path(shutil.copytree(cycled, tmp_path / "quick"))
+    table = json.loads((folder / "cycle.json").read_text())
+    samples = table["steps"][1]["samples"]
+    samples[0] = samples[1] - 300
+    (folder / "cycle.json").write_text(json.dumps(table))
+    said = refused("export", folder, "--franka", tmp_path / "f")
+    assert "(pick 2 of 2): the hand closes at" in said and not (tmp_path / "f").exists()
+
+
+def built(folder: Path) -> Path:
+    """A folder that `export --franka` has filled, with its program built."""
+    if shutil.which("g++") is None:
+        pytest.skip("needs a C++ compiler")
+    stand_in = Path(__file__).parent.parent / "data" / "franka"
+    flags = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-pthread", "-I", str(stand_in)]
+    command = ["g++", *flags, str(folder / "throw.cpp"), "-o", str(folder / "throw")]
+    subprocess.run(command, check=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def planned(turned, tmp_path_factory) -> Path:
+    """The folder of a plan's program."""
+    folder = tmp_path_factory.mktemp("planned")
+    export(turned[1], franka=folder)
+    return built(folder)
+
+
+@pytest.fixture(scope="module")
+def cycling(six, tmp_path_factory) -> Path:
+    """The folder of the six parts' program."""
+    folder = tmp_path_factory.mktemp("cycling")
+    export(six, franka=folder)
+    return built(folder)
+
+
+@pytest.fixture
+def thrown(tmp_path) -> Callable[..., tuple[Any, Any, Any]]:
+    """A function that runs the program of a folder: what it said, the rows (N, 7) of each of its
+    motions, to the start pose and the one that throws, and its orders to the gripper."""
+
+    def running(folder: Path, **hand: object) -> tuple[Any, Any, Any]:
+        said = subprocess.run(
+            [folder / "throw", "host", folder],
+            cwd=tmp_path,
+            env=os.environ | {name: str(value) for name, value in hand.items()},
+            input="\n\n",
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        sent, ordered = tmp_path / "sent.csv", tmp_path / "orders.csv"
+        motions = sent.read_text().split("motion,")[1:] if sent.exists() else []
+        # It throws without limiter, with the filter open.
+        assert all(motion.startswith("0,1000\n") for motion in motions[1:])
+        rows = [
+            np.array([[float(v) for v in row.split(",")[:7]] for row in motion.splitlines()[1:]])
+            for motion in motions
+        ]
+        orders = list(csv.reader(ordered.read_text().splitlines())) if ordered.exists() else []
+        return said, rows, orders
+
+    return running
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+@pytest.mark.slow
+def test_a_plan_is_sent_and_the_gripper_opens_in_its_cycle(planned, thrown) -> None:
+    said, (way, sent), ((kind, width, *_, cycles),) = thrown(planned)
+    assert said.returncode == 0 and said.stderr == ""
+    rows = np.loadtxt(planned / "joints.csv", delimiter=",", skiprows=1)[:, 1:8]
+    np.testing.assert_allclose(sent, rows, atol=1e-9)
+    # Slowly to the start pose, from where the arm is.
+    np.testing.assert_allclose(way[[0, -1]], [np.zeros(7), rows[0]], atol=1e-12)
+    assert np.abs(np.diff(way, axis=0)).max() <= 0.2 * 1e-3 * (1 + 1e-6)
+    (row,) = rows_of(planned / "gripper.csv")
+    assert (kind, float(width)) == ("move", 0.08) and int(cycles) >= int(row["cycle"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hand", "words"),
+    [({"OPENS": 0}, "did not open, is 20 mm wide"), ({"FAILS": 50}, "the connection ended")],
+)
+def test_a_plan_whose_gripper_fails_ends_with_a_line(planned, thrown, hand, words) -> None:
+    said, (_, sent), _ = thrown(planned, **hand)
+    assert said.returncode == 1 and words in said.stderr and said.stderr.count("\n") == 1
+    # After the opening the plan is the brake.
+    assert len(sent) == len(rows_of(planned / "joints.csv"))
+
+
+@pytest.mark.slow
+def test_six_parts_are_picked_and_thrown(six, cycling, thrown) -> None:
+    said, (_, sent), ((first, *_), *orders) = thrown(cycling, HOLDS=0)
+    assert said.returncode == 0 and said.stderr == ""
+    motion = joint_motion(six)
+    np.testing.assert_allclose(sent, motion.q, atol=1e-9)
+    # The hand opens on the way; each command goes out in its cycle, not before.
+    assert first == "move" and [kind for kind, *_ in orders] == ["grasp", "move"] * 6
+    ends = [*(command.cycle for command in motion.commands[1:]), len(sent)]
+    for command, (_, *shape, cycles), end in zip(motion.commands, orders, ends, strict=True):
+        values = (command.width, command.tolerance, 0.2, command.force)
+        assert [float(value) for value in shape] == pytest.approx(values)
+        assert command.cycle <= int(cycles) < end
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hand", "number", "words", "kind"),
+    [
+        ({"GRASPS": 2}, 3, "was not grasped: the gripper is 0 mm wide and holds nothing", "grasp"),
+        ({"DROPS": 4, "AFTER": 700}, 4, "was lost: the gripper is 0 mm wide", "grasp"),
+        # The first order to open comes before the motion.
+        ({"OPENS": 2}, 2, "was not thrown: the gripper did not open, is 20 mm wide", "move"),
+        ({"FAILS": 1000}, 1, "the gripper's connection failed", "grasp"),
+    ],
+)
+def test_what_goes_wrong_with_an_object_stops_the_arm(
+    six, cycling, thrown, hand, number, words, kind
+) -> None:
+    said, (_, sent), (_, *orders) = thrown(cycling, HOLDS=0, **hand)
+    assert said.returncode == 1 and words in said.stderr and said.stderr.count("\n") == 1
+    motion = joint_motion(six)
+    carry = motion.carries[number - 1]
+    assert said.stderr.startswith(carry.pick) or "FAILS" in hand
+    # The gripper gets no further command.
+    assert len(orders) == 2 * number - (kind == "grasp") and orders[-1][0] == kind
+    # The rows of the motion, then those of a stop, to rest within all limits.
+    stops = np.loadtxt(cycling / "stops.csv", delimiter=",", skiprows=1)
+    begins = np.unique(stops[:, 0]).astype(int)
+    brakes = [stops[stops[:, 0] == begin, 1:] for begin in begins]
+    (begin,) = (
+        begin
+        for begin, brake in zip(begins, brakes, strict=True)
+        if begin + len(brake) == len(sent) and np.abs(sent[begin:] - brake).max() < 1e-9
+    )
+    np.testing.assert_allclose(sent[:begin], motion.q[:begin], atol=1e-9)
+    last = carry.due + 100 if kind == "move" else carry.open.cycle
+    assert carry.reach < begin < last
+    values, limits = sent, motion.arm.limits
+    for most in (limits.velocity, limits.acceleration, limits.jerk):
+        values = np.diff(values, axis=0) / 1e-3
+        # The stand-in writes 12 digits.
+        assert (np.abs(values) <= np.array(most) * (1 + 1e-6) + 0.01).all()
+    assert np.abs(sent[-1] - sent[-2]).max() < 1e-6
+    if "GRASPS" in hand:
+        assert sent[-1] == pytest.approx(motion.q[carry.reach])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hand", "words", "motions"),
+    [
+        ({"HOLDS": 1}, "the gripper holds an object: take it out first", 0),
+        ({"HOLDS": 0, "OPENS": 0}, "the gripper has not opened", 1),
+    ],
+)
+def test_a_hand_that_is_not_open_picks_nothing(cycling, thrown, hand, words, motions) -> None:
+    said, rows, orders = thrown(cycling, **hand)
+    assert said.returncode == 1 and said.stderr.startswith(words)
+    assert len(rows) == motions == len(orders)
