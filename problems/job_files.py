@@ -61,7 +61,7 @@ class Pick(Section):
         degrees=True,
     )
     grasp_time: float = quantity(
-        "s, at rest there until the object is held", least=0, most=60, default=0.3
+        "s, at rest there until the object is held", least=0, most=60, default=0.4
     )
     bins: tuple[str, ...] | None = optional("names of the bins that it may go to; left out: any")
     sections: dict[str, Any] = dataclasses.field(default_factory=dict, metadata={})
