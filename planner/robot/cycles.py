@@ -20,9 +20,9 @@ from ..show import SpaceCycle
 from ..throw import TICK, Throw
 from ..verdict import outside_tolerance
 from .motions import solved_cycle
-from .mujoco_cycle import ObjectMotion, simulate_cycle
+from .mujoco_cycle import ObjectMotion, simulate_cycle, states_in_plane
 from .mujoco_replay import Replay, check_replay, landing_of, throw_to_rest
-from .mujoco_throw import SimulatedFlight, end_in_cup, target_travel
+from .mujoco_throw import SimulatedFlight, end_in_cup
 
 #: Files of a replay's folder.
 REPLAY_FILES = ("replay.json", "replay.csv")
@@ -32,16 +32,15 @@ REPLAY_FILES = ("replay.json", "replay.csv")
 class ObjectReplay(Replay):
     """An object of a cycle by MuJoCo, from its pick on: a `Replay` on the clock of its throw.
 
-    slip [m], turn [rad]: of the object in the pads at the opening command, from where they grasped
-    it. aside [m]: of the landing, left of the throw's plane. met: while the object is "waiting",
-    "carried", and "flying" until it has landed, the bodies that it touches, without its bin.
-    places (K, 3) [m]: its CoM at `times`, in the base frame.
+    slip [m], turn [rad]: of the object in the pads as these begin to open, from where they grasped
+    it. aside [m]: of the landing, left of the throw's plane. collisions: bodies that it touches while
+    it is "waiting", "carried", and "flying" until it has landed, without its bin. places (K, 3) [m]: its CoM at `times`, in the base frame.
     """
 
     slip: float
     turn: float
     aside: float
-    met: dict[str, tuple[str, ...]]
+    collisions: dict[str, tuple[str, ...]]
     places: Array
 
     @property
@@ -54,14 +53,14 @@ class ObjectReplay(Replay):
     @property
     def hits(self) -> list[str]:
         """Bodies that it touches before it has landed, with what it does then."""
-        return [f"{name} ({phase})" for phase, names in self.met.items() for name in names]
+        return [f"{name} ({phase})" for phase, names in self.collisions.items() for name in names]
 
     def to_dict(self) -> dict[str, Any]:
         """As `Replay.to_dict`, with slip, landing aside, and hits."""
         slip = {"position": self.slip, "angle": self.turn}
-        met = {phase: list(names) for phase, names in self.met.items()}
+        collisions = {phase: list(names) for phase, names in self.collisions.items()}
         aside = self.aside if math.isfinite(self.aside) else None
-        return super().to_dict() | {"slip": slip, "aside": aside, "hits": met}
+        return super().to_dict() | {"slip": slip, "aside": aside, "hits": collisions}
 
 
 @dataclass(frozen=True, repr=False)
@@ -156,9 +155,7 @@ def _object_replay(
     scene, begin = step.scene, TICK * step.join
     theta = float(throw.hand(np.array([throw.opening_time])).pose[2, 0]) + scene.grasp.angle
     opened = motion.states[motion.states[:, 0] >= step.opening_time]
-    states = _in_plane(throw, opened)
-    states[:, 0] -= begin
-    states[:, 1] -= target_travel(throw, states[:, 0])
+    states = states_in_plane(step, throw, opened)
     times, com = states[:, 0], plane_poses(states, theta)
     flying = times >= throw.detach_time
     landing, landed = landing_of(SimulatedFlight(times[flying], com[:, flying]), throw.target.z)
@@ -173,8 +170,8 @@ def _object_replay(
         keep = times <= landed + TICK
         times, com, opened = times[keep], com[:, keep], opened[keep]
         touched = {name: at for name, at in touched.items() if at - begin <= landed}
-    met = {phase: tuple(names) for phase, names in motion.touched.items()}
-    met["flying"] = tuple(
+    collisions = {phase: tuple(names) for phase, names in motion.touched.items()}
+    collisions["flying"] = tuple(
         name
         for name, at in touched.items()
         if not name.startswith(("cup ", "floor")) and not at - begin > landed
@@ -194,21 +191,9 @@ def _object_replay(
         slip=motion.slip,
         turn=motion.turn,
         aside=float(np.interp(landed, states[:, 0], states[:, 2])),
-        met=met,
+        collisions=collisions,
         places=opened[:, 1:4],
     )
-
-
-def _in_plane(throw: Throw, states: Array) -> Array:
-    """MuJoCo's states (K, 14) in the frame of a throw's plane."""
-    from scipy.spatial.transform import Rotation
-
-    plane, found = throw.target.plane, states.copy()
-    origin, turn = plane.points(0.0, 0.0), Rotation.from_euler("z", -plane.azimuth)
-    found[:, 1:4], found[:, 8:11] = turn.apply(states[:, 1:4] - origin), turn.apply(states[:, 8:11])
-    own = turn * Rotation.from_quat(states[:, 4:8], scalar_first=True)
-    found[:, 4:8] = own.as_quat(scalar_first=True)
-    return found
 
 
 def cycle_in_space(cycle: Cycle | str | Path) -> tuple[SpaceCycle, str]:

@@ -13,7 +13,8 @@ from ...models import Array
 from ...problems import InputError
 from ..cycle import Cycle, CycleStep
 from ..rest import is_still, load_mujoco
-from ..throw import TICK
+from ..throw import TICK, Throw
+from .mujoco_throw import target_travel
 from .mujoco_world import CycleWorld, grasp_pose, object_name, thickness
 
 #: Way [m] of a pad between open and closed.
@@ -34,7 +35,7 @@ class ObjectMotion:
 
     states (K, 14): MuJoCo's every millisecond, in the base frame: time [s] on the cycle's clock,
     CoM [m], quaternion, velocity, and angular velocity in the object's frame. slip [m], turn [rad]:
-    of the object in the pads at the opening command, from where they grasped it. touched: in each
+    of the object in the pads as they begin to open, from where they grasped it. touched: in each
     of PHASES the bodies that it touched, with the time [s] of the first contact.
     """
 
@@ -52,15 +53,17 @@ def simulate_cycle(cycle: Cycle, step: float, restitution: float) -> tuple[Objec
     InputError if MuJoCo's steps diverge.
     """
     substeps = max(math.ceil(TICK / step - 1e-9), 1)
-    run = _Run(cycle, CycleWorld.of(cycle, TICK / substeps, restitution), substeps)
+    simulation = _CycleSimulation(
+        cycle, CycleWorld.of(cycle, TICK / substeps, restitution), substeps
+    )
     for first in itertools.count(0, BATCH):
-        run.advance(first)
-        if run.is_over:
-            return run.motions()
+        simulation.advance(first)
+        if simulation.is_over:
+            return simulation.motions()
     raise AssertionError
 
 
-class _Run:
+class _CycleSimulation:
     """A simulation under way."""
 
     def __init__(self, cycle: Cycle, world: CycleWorld, substeps: int) -> None:
@@ -71,7 +74,7 @@ class _Run:
         self.first = world.addresses(object_name(cycle.steps[0]))
         held = [TICK * one.held for one in cycle.steps]
         grasps = np.array([grasp_pose(one.scene) for one in cycle.steps])
-        self.picks = _as_mujoco(_turned(cycle.arm_at(np.array(held))[1]) @ grasps)
+        self.picks = _as_mujoco(_body_axes(cycle.arm_at(np.array(held))[1]) @ grasps)
         self.data.qpos[self.first[0] :] = self.picks.ravel()
         self.held, self.detach = np.array(held), [one.detach_time for one in cycle.steps]
         self.touched = [{phase: dict[str, float]() for phase in PHASES} for _ in cycle.steps]
@@ -89,9 +92,8 @@ class _Run:
         step, count = self.world.step, BATCH * self.substeps
         times: Array = TICK * first + step * np.arange(-1.0, count + 1.0)
         frames, hand = self.cycle.arm_at(times)
-        links = np.moveaxis(frames[1 :: self.substeps], 1, 0)[np.array(self.world.links, int) - 1]
-        mocap = np.array([_as_mujoco(poses) for poses in links]).swapaxes(0, 1)
-        poses = _as_mujoco(_turned(hand))
+        links = [_as_mujoco(frames[1 :: self.substeps, link - 1]) for link in self.world.links]
+        poses = _as_mujoco(_body_axes(hand))
         turns = _rotations(poses[:-1]).inv() * _rotations(poses[1:])
         rates = np.hstack([np.diff(poses[:, :3], axis=0), turns.as_rotvec()]) / step
         drive = self.world.mass * np.diff(rates, axis=0) / step
@@ -100,25 +102,26 @@ class _Run:
         for k in range(count):
             time = times[k + 1]
             if k % self.substeps == 0:
-                self._record(time)
-                if self.world.links:
-                    data.mocap_pos, data.mocap_quat = np.split(mocap[k // self.substeps], [3], 1)
+                self._record_states(time)
+                for body, rows in enumerate(links):
+                    place = rows[k // self.substeps]
+                    data.mocap_pos[body], data.mocap_quat[body] = place[:3], place[3:]
             qpos[:7], qvel[:6], data.qfrc_applied[:6] = poses[k + 1], rates[k], drive[k]
             data.qfrc_applied[6:8] = -forces[k]
             if not forces[k]:
                 qpos[7:9], qvel[6:8] = gaps[k], 0.0
-            self._place(time)
+            self._hold_fixed(time)
             self.mujoco.mj_step(self.world.model, data)
             if data.ncon:
-                self._note(time)
+                self._record_contacts(time)
 
-    def _record(self, time: float) -> None:
+    def _record_states(self, time: float) -> None:
         """Keep the states (objects, 14)."""
         places = self.data.qpos[self.first[0] :].reshape(-1, 7)
         rates = self.data.qvel[self.first[1] :].reshape(-1, 6)
         self.rows.append(np.hstack([np.full((len(places), 1), time), places, rates]))
 
-    def _place(self, time: float) -> None:
+    def _hold_fixed(self, time: float) -> None:
         """Keep objects at their picks, and cups on their way."""
         waiting = int(np.searchsorted(self.held, time, "right"))
         self.data.qpos[self.first[0] + 7 * waiting :] = self.picks[waiting:].ravel()
@@ -141,7 +144,7 @@ class _Run:
             forces = np.where((presses <= times) & (times < one.detach_time), full, forces)
         return gaps, forces
 
-    def _note(self, time: float) -> None:
+    def _record_contacts(self, time: float) -> None:
         """Keep first contacts of objects."""
         for pair in self.data.contact.geom.tolist():
             names = [self.world.bodies[geom] for geom in pair]
@@ -161,10 +164,7 @@ class _Run:
         if not np.isfinite(states).all():
             raise InputError("replay: MuJoCo's steps diverged")
         each = zip(self.cycle.steps, self.cycle.throws, states.swapaxes(0, 1), strict=True)
-        return time >= self.cycle.duration and all(
-            _has_ended(one, TICK * one.join + throw.deciding.landing_time, own)
-            for one, throw, own in each
-        )
+        return time >= self.cycle.duration and all(_has_ended(*one) for one in each)
 
     def motions(self) -> tuple[ObjectMotion, ...]:
         """The motions of all objects."""
@@ -175,30 +175,44 @@ class _Run:
         )
 
     def _slip(self, step: CycleStep, states: Array) -> tuple[float, float]:
-        """Way [m] and turn [rad] of the object in the pads at the opening command."""
-        row = states[int(step.command_time / TICK)]
+        """Way [m] and turn [rad] of the object in the pads as they begin to open."""
+        row = states[int(step.opening_time / TICK)]
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = _rotations(row[None, 1:8]).as_matrix()[0], row[1:4]
-        hand = _turned(self.cycle.arm_at(row[:1])[1])[0]
+        hand = _body_axes(self.cycle.arm_at(row[:1])[1])[0]
         moved = np.linalg.inv(hand) @ pose @ np.linalg.inv(grasp_pose(step.scene))
         turn = _rotations(_as_mujoco(moved[None])).magnitude()[0]
         return float(np.linalg.norm(moved[:3, 3])), float(turn)
 
 
-def _has_ended(step: CycleStep, landing: float, states: Array) -> bool:
+def _has_ended(step: CycleStep, throw: Throw, states: Array) -> bool:
     """Whether an object, of which these are the last states (K, 14), lies in its cup, or has landed
-    without one; landing [s]: when it is to land."""
-    time, height = states[-1, 0], states[-1, 3]
+    without one."""
+    time, landing = states[-1, 0], TICK * step.join + throw.deciding.landing_time
     landing = landing if math.isfinite(landing) else step.detach_time
     if time < step.detach_time or time > landing + LONGEST:
         return bool(time > step.detach_time)
     if step.scene.cup is None:
-        assert step.scene.target is not None
-        return bool(height < step.scene.target.z)
-    return bool(time > landing and is_still(states))
+        return bool(states[-1, 3] < throw.target.z)
+    return bool(time > landing and is_still(states_in_plane(step, throw, states)))
 
 
-def _turned(poses: Array) -> Array:
+def states_in_plane(step: CycleStep, throw: Throw, states: Array) -> Array:
+    """MuJoCo's states (K, 14) in the frame of a throw's plane, as its target sees them; their times
+    [s] on the throw's clock."""
+    from scipy.spatial.transform import Rotation
+
+    plane, found = throw.target.plane, states.copy()
+    origin, turn = plane.points(0.0, 0.0), Rotation.from_euler("z", -plane.azimuth)
+    found[:, 0] -= TICK * step.join
+    found[:, 1:4], found[:, 8:11] = turn.apply(states[:, 1:4] - origin), turn.apply(states[:, 8:11])
+    found[:, 1] -= target_travel(throw, found[:, 0])
+    found[:, 8] -= throw.target.speed
+    found[:, 4:8] = (turn * _rotations(states[:, 1:8])).as_quat(scalar_first=True)
+    return found
+
+
+def _body_axes(poses: Array) -> Array:
     """Poses (N, 4, 4) of the hand as in a cycle, with their y axis across the throw's plane."""
     turned = poses.copy()
     turned[:, :3, 1], turned[:, :3, 2] = -poses[:, :3, 2], poses[:, :3, 1]

@@ -109,7 +109,9 @@ def _add_hand(spec: Any, scene: Scene, mass: float, step: float) -> list[str]:
     names = ["pad left", "pad right"]
     for name, side in zip(names, (1, -1), strict=True):
         pad = hand.add_body(name=name, gravcomp=1.0)
-        pad.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, side, 0])
+        joint = pad.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, side, 0])
+        # Where they lose an object they meet.
+        joint.range, joint.solref_limit = [0.0, 1.0], [2 * step, 1]
         weigh(pad, PAD_MASS, [1e-9] * 3)
         kind, size = mujoco.mjtGeom.mjGEOM_SPHERE, [PAD_TIP, 0, 0]
         pad.add_geom(name=name, type=kind, size=size, pos=[0, side * PAD_TIP, 0])
