@@ -157,14 +157,19 @@ def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
 
 def print_replays(replays: list[ObjectReplay]) -> None:
     """Print how the objects of all lists are held and land in MuJoCo."""
-    free = [one for one in replays if not one.hits]
+    free = [one for one in replays if not (one.collisions["carried"] + one.collisions["flying"])]
     off, angle = np.abs([one.off("target") for one in free]).T
     off = np.hypot(off, [one.aside for one in free])
     turn, slip = (max(getattr(one, key) for one in free) for key in ("turn", "slip"))
-    print(f"in MuJoCo {len(replays) - len(free)} of {len(replays)} objects are hit;", end=" ")
-    print(f"of the others {sum(one.inside for one in free)} of {len(free)} land inside,", end=" ")
-    print(f"at most {1e3 * off.max():.2f} mm and {np.degrees(np.nanmax(angle)):.2f} deg off;")
-    print(f"  slip while carried: at most {1e3 * slip:.3f} mm and {math.degrees(turn):.3f} deg")
+    print(f"in MuJoCo {sum(one.inside for one in replays)} of {len(replays)} objects land inside")
+    print(
+        f"  of {len(free)} that hit nothing on their way {sum(one.inside for one in free)}:",
+        end=" ",
+    )
+    print(
+        f"at most {1e3 * off.max():.2f} mm and {np.degrees(np.nanmax(angle)):.2f} deg off,", end=" "
+    )
+    print(f"slip at most {1e3 * slip:.3f} mm and {math.degrees(turn):.3f} deg while carried")
     for phase in ("waiting", "carried", "flying"):
         bodies = collections.Counter(
             name.rstrip("0123456789 ") for one in replays for name in one.collisions[phase]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, ReadOnly
-from ...problems import check_arguments
+from ...problems import check_arguments, checked
 from ...problems.files import filling, write_json
 from ..cycle import Cycle, CycleStep
 from ..rest import CUP_WALL, is_still, plane_poses
@@ -33,8 +33,9 @@ class ObjectReplay(Replay):
     """An object of a cycle by MuJoCo, from its pick on: a `Replay` on the clock of its throw.
 
     slip [m], turn [rad]: of the object in the pads as these begin to open, from where they grasped
-    it. aside [m]: of the landing, left of the throw's plane. collisions: bodies that it touches while
-    it is "waiting", "carried", and "flying" until it has landed, without its bin. places (K, 3) [m]: its CoM at `times`, in the base frame.
+    it. aside [m]: of the landing, left of the throw's plane. collisions: bodies that it touches
+    while it is "waiting", "carried", and "flying" until it has landed, without its bin. places
+    (K, 3) [m]: its CoM at `times`, in the base frame.
     """
 
     slip: float
@@ -136,10 +137,12 @@ def replay_cycle(
     objects, cups, obstacles and the arm's links are in one world. Two pads close on each object at
     its pick with the gripper's force and carry it by friction alone: as far from each other as it
     is thick, each with one contact, whose limits are the limit surface's ellipsoid. Until it is
-    held, an object stands fixed. step [s]: the largest; restitution: see `replay`. InputError for
-    what is no cycle, and without MuJoCo.
+    held, an object stands fixed. step [s]: the largest, at most 0.2 ms; restitution: see `replay`.
+    InputError for what is no cycle, and without MuJoCo.
     """
-    check_replay(restitution, step=step)
+    # With 0.5 ms contacts lose what the verdict's grip holds.
+    checked("step", step, float, {"least": 1e-7, "most": 2e-4})
+    check_replay(restitution)
     begin, cycle = time.perf_counter(), solved_cycle(cycle)
     motions = simulate_cycle(cycle, step, restitution)
     run = time.perf_counter() - begin

@@ -71,14 +71,13 @@ class _CycleSimulation:
         self.mujoco = load_mujoco()
         self.data = self.mujoco.MjData(world.model)
         #: Where positions and velocities of the objects begin; one has 7, and 6.
-        self.first = world.addresses(object_name(cycle.steps[0]))
+        self.first = world.addresses(object_name(0))
         held = [TICK * one.held for one in cycle.steps]
         grasps = np.array([grasp_pose(one.scene) for one in cycle.steps])
         self.picks = _as_mujoco(_body_axes(cycle.arm_at(np.array(held))[1]) @ grasps)
         self.data.qpos[self.first[0] :] = self.picks.ravel()
         self.held, self.detach = np.array(held), [one.detach_time for one in cycle.steps]
         self.touched = [{phase: dict[str, float]() for phase in PHASES} for _ in cycle.steps]
-        self.numbers = {object_name(one): k for k, one in enumerate(cycle.steps)}
         #: Addresses of moving cups, their speed [m/s], and when they are where they were put.
         self.belts = [(world.addresses(name), moves) for name, moves in world.belts.items()]
         self.rows = list[Array]()
@@ -146,15 +145,15 @@ class _CycleSimulation:
 
     def _record_contacts(self, time: float) -> None:
         """Keep first contacts of objects."""
+        bodies, objects = self.world.bodies, self.world.objects
         for pair in self.data.contact.geom.tolist():
-            names = [self.world.bodies[geom] for geom in pair]
-            if not all(names):
+            if not all(bodies[geom] for geom in pair):
                 continue
-            for name, other in (names, names[::-1]):
-                if (number := self.numbers.get(name)) is not None:
+            for geom, other in (pair, pair[::-1]):
+                if (number := objects[geom]) is not None:
                     phase = "flying" if time >= self.detach[number] else "carried"
                     phase = phase if time >= self.held[number] else "waiting"
-                    self.touched[number][phase].setdefault(other, time)
+                    self.touched[number][phase].setdefault(bodies[other], time)
 
     @property
     def is_over(self) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models import Array
 from ...problems import Scene
-from ..cycle import Cycle, CycleStep
+from ..cycle import Cycle
 from ..rest import (
     COLUMN,
     add_contacts,
@@ -38,8 +38,9 @@ class CycleWorld:
     """A model of a cycle; frames of hand and objects have x along approach axis or bar, y across
     the throw's plane.
 
-    mass: mass [kg] and moment of inertia [kg m^2] of the driven hand. bodies: name of the body of
-    each geom, empty for pads and for where they grip. links: numbers of the joints that move the
+    mass: mass [kg] and moment of inertia [kg m^2] of the driven hand. bodies: for each geom the
+    name of its body, empty for pads and where they grip. objects: for each geom the number of the
+    step whose object it is part of, or None. links: numbers of the joints that move the
     mocap bodies. belts: for each cup that moves its speed [m/s], and the time [s] at which it is
     where it stands in the model.
     """
@@ -48,6 +49,7 @@ class CycleWorld:
     step: float
     mass: float
     bodies: tuple[str, ...]
+    objects: tuple[int | None, ...]
     links: tuple[int, ...]
     belts: dict[str, tuple[float, float]]
 
@@ -64,20 +66,22 @@ class CycleWorld:
         links = _add_around(spec, scenes)
         belts = _add_bins(spec, cycle, mass)
         parts = [geom.name for geom in spec.geoms if geom.name not in pads]
-        for one in cycle.steps:
-            own = add_object(spec, one.scene.object, object_name(one))
+        for number, scene in enumerate(scenes):
+            own = add_object(spec, scene.object, object_name(number))
             add_contacts(spec, own, parts)
             parts += own
-        for one in cycle.steps:
-            _add_grip(spec, one, pads, step)
+            _add_grip(spec, scene, number, pads, step)
         model = spec.compile()
-        geoms = (model.geom(i) for i in range(model.ngeom))
-        bodies = tuple(_name(geom.name, model.body(geom.bodyid[0]).name) for geom in geoms)
+        numbers = {object_name(number): number for number in range(len(scenes))}
+        geoms = [model.geom(i) for i in range(model.ngeom)]
+        objects = tuple(numbers.get(model.body(geom.bodyid[0]).name) for geom in geoms)
+        names = (geom.name for geom in geoms)
+        bodies = tuple(_name(cycle, *each) for each in zip(names, objects, strict=True))
         # MuJoCo sorts pairs.
         pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
         collisions = np.flatnonzero([bodies[one] and bodies[two] for one, two in pairs])
         set_contacts(model, collisions, step, restitution, FRICTION)
-        return cls(model, step, mass, bodies, links, belts)
+        return cls(model, step, mass, bodies, objects, links, belts)
 
     def addresses(self, body: str) -> tuple[int, int]:
         """Where a body's joint begins among MuJoCo's positions and among its velocities."""
@@ -85,16 +89,16 @@ class CycleWorld:
         return int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
 
 
-def object_name(step: CycleStep) -> str:
-    """The name of a step's object among bodies."""
-    return f"object {step.pick}"
+def object_name(number: int) -> str:
+    """The name of a step's object in the model: those of picks may be equal."""
+    return f"object {number}"
 
 
-def _name(geom: str, body: str) -> str:
+def _name(cycle: Cycle, geom: str, number: int | None) -> str:
     """The name of a geom's body in reports."""
     if geom.startswith(("pad", "grip")):
         return ""
-    return body if body.startswith("object") else body_of(geom)
+    return body_of(geom) if number is None else f"object {cycle.steps[number].pick}"
 
 
 def _add_hand(spec: Any, scene: Scene, mass: float, step: float) -> list[str]:
@@ -172,22 +176,22 @@ def _add_bins(spec: Any, cycle: Cycle, mass: float) -> dict[str, tuple[float, fl
     return belts
 
 
-def _add_grip(spec: Any, step: CycleStep, pads: list[str], timestep: float) -> None:
+def _add_grip(spec: Any, scene: Scene, number: int, pads: list[str], step: float) -> None:
     """Where pads hold an object: a plate that reaches a pad's radius beyond it.
 
     A pad's contact has the limit surface's ellipsoid as its friction.
     """
-    bar, contact = step.scene.object, step.scene.patch
+    bar, contact = scene.object, scene.patch
     spare, box = contact.patch_radius + PAD_TIP, load_mujoco().mjtGeom.mjGEOM_BOX
-    size = [bar.length / 2 + spare, thickness(step.scene) / 2, bar.width / 2 + spare]
-    name, place = f"grip {step.pick}", [bar.length / 2 - bar.com, 0, 0]
-    spec.body(object_name(step)).add_geom(name=name, type=box, size=size, pos=place)
+    size = [bar.length / 2 + spare, thickness(scene) / 2, bar.width / 2 + spare]
+    name, place = f"grip {number}", [bar.length / 2 - bar.com, 0, 0]
+    spec.body(object_name(number)).add_geom(name=name, type=box, size=size, pos=place)
     # Sliding friction twice, then torsion: a length times the friction.
     torsion = contact.torsion_arm * contact.friction
     for pad in pads:
         pair = spec.add_pair(geomname1=pad, geomname2=name, condim=4)
         pair.friction = [contact.friction, contact.friction, torsion, 1e-5, 1e-5]
-        pair.solref = [2 * timestep, 1]
+        pair.solref = [2 * step, 1]
 
 
 def thickness(scene: Scene) -> float:
