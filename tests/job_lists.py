@@ -158,18 +158,14 @@ def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
 def print_replays(replays: list[ObjectReplay]) -> None:
     """Print how the objects of all lists are held and land in MuJoCo."""
     free = [one for one in replays if not (one.collisions["carried"] + one.collisions["flying"])]
-    off, angle = np.abs([one.off("target") for one in free]).T
-    off = np.hypot(off, [one.aside for one in free])
-    turn, slip = (max(getattr(one, key) for one in free) for key in ("turn", "slip"))
-    print(f"in MuJoCo {sum(one.inside for one in replays)} of {len(replays)} objects land inside")
-    print(
-        f"  of {len(free)} that hit nothing on their way {sum(one.inside for one in free)}:",
-        end=" ",
-    )
-    print(
-        f"at most {1e3 * off.max():.2f} mm and {np.degrees(np.nanmax(angle)):.2f} deg off,", end=" "
-    )
-    print(f"slip at most {1e3 * slip:.3f} mm and {math.degrees(turn):.3f} deg while carried")
+    dx, dtheta = np.abs([one.off("target") for one in free]).T
+    off, angle = 1e3 * np.hypot(dx, [one.aside for one in free]), np.degrees(dtheta)
+    slip, turn = 1e3 * max(one.slip for one in free), math.degrees(max(one.turn for one in free))
+    inside, unhurt = (sum(one.inside for one in some) for some in (replays, free))
+    print(f"in MuJoCo {inside} of {len(replays)} objects land inside their tolerance")
+    print(f"  {unhurt} of the {len(free)} that hit nothing on their way:", end=" ")
+    print(f"at most {off.max():.2f} mm and {np.nanmax(angle):.2f} deg off,", end=" ")
+    print(f"slip while carried at most {slip:.3f} mm and {turn:.3f} deg")
     for phase in ("waiting", "carried", "flying"):
         bodies = collections.Counter(
             name.rstrip("0123456789 ") for one in replays for name in one.collisions[phase]
