@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import throwplan as tp
 from throwplan.models.robot import LinkInertia
+from throwplan.planner.cycle import Cycle
 from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
-from throwplan.planner.throw import make_manipulator
+from throwplan.planner.throw import TICK, make_manipulator
+from throwplan.planner.verdict import grip_use
 
 from oracle.motion import ArmMotion, Samples
 
@@ -56,6 +58,16 @@ def edit_plan(folder: Path, **changes: Any) -> Path:
     path = folder / "plan.json"
     path.write_text(json.dumps(merged(json.loads(path.read_text()), changes)))
     return folder
+
+
+def with_grip(cycle: Cycle, share: float) -> Cycle:
+    """The cycle with a share of the grip force that each carry needs by the verdict."""
+    steps = []
+    for one in cycle.steps:
+        carried = cycle.samples[one.held : int(one.opening_time / TICK) + 1]
+        force = share * one.scene.gripper.profile().full * grip_use(one.space, carried).use.max()
+        steps.append(dataclasses.replace(one, scene=varied(one.scene, gripper={"force": force})))
+    return dataclasses.replace(cycle, steps=tuple(steps))
 
 
 def swinging(name: str, every: bool = False) -> ArmMotion:

@@ -1,11 +1,12 @@
-"""Random job lists, planned, timed, and judged by the oracle.
+"""Random job lists, planned, timed, judged by the oracle, and simulated in MuJoCo.
 
 `PYTHONPATH=. .venv/bin/python tests/job_lists.py 20` plans and judges that many; a second word
-takes another of `KINDS`, a third one the number of objects.
+takes another of `KINDS`, a third one the number of objects. Needs the extra `mujoco`.
 """
 
 from __future__ import annotations
 
+import collections
 import math
 import sys
 import tempfile
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from throwplan.planner.cycle import place_jobs, plan_cycle, save_cycle
+from throwplan.planner.robot import ObjectReplay, replay_cycle
 from throwplan.problems import load_jobs
 
 from oracle import broken_limits
@@ -124,7 +126,7 @@ def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
     names = ["thrown", "with stops", "ratio", "planning"]
     names += ["placed", "thrown/placed"] if kind == "near" else []
     print("time an object [s]:", ", ".join(names))
-    rows, broken, unsolved = list[list[float]](), 0, 0
+    rows, broken, unsolved, thrown = list[list[float]](), 0, 0, list[ObjectReplay]()
     for seed in range(count):
         with tempfile.TemporaryDirectory() as name:
             jobs = load_jobs(write_random_jobs(Path(name), seed, kind, picks))
@@ -137,6 +139,8 @@ def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
                 continue
             save_cycle(cycle, name)
             found = broken_limits(Path(name))
+            replays = replay_cycle(name).replays
+        thrown += replays
         row = [cycle.duration, cycle.stops, cycle.duration / cycle.stops * picks, spent]
         if kind == "near":
             placed = place_jobs(jobs)
@@ -146,8 +150,27 @@ def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
         broken += bool(found)
         print(seed, *(f"{value:.3f}" for value in rows[-1]), found, flush=True)
     print(f"{len(rows)} of {count} solved, {unsolved} not, {broken} with a broken limit")
+    print_replays(thrown)
     for words, share in (("median", 0.5), ("90 %", 0.9)):
         print(words, *(f"{value:.3f}" for value in np.nanquantile(rows, share, axis=0)))
+
+
+def print_replays(replays: list[ObjectReplay]) -> None:
+    """Print how the objects of all lists are held and land in MuJoCo."""
+    free = [one for one in replays if not (one.collisions["carried"] + one.collisions["flying"])]
+    dx, dtheta = np.abs([one.off("target") for one in free]).T
+    off, angle = 1e3 * np.hypot(dx, [one.aside for one in free]), np.degrees(dtheta)
+    slip, turn = 1e3 * max(one.slip for one in free), math.degrees(max(one.turn for one in free))
+    inside, unhurt = (sum(one.inside for one in some) for some in (replays, free))
+    print(f"in MuJoCo {inside} of {len(replays)} objects land inside their tolerance")
+    print(f"  {unhurt} of the {len(free)} that hit nothing on their way:", end=" ")
+    print(f"at most {off.max():.2f} mm and {np.nanmax(angle):.2f} deg off,", end=" ")
+    print(f"slip while carried at most {slip:.3f} mm and {turn:.3f} deg")
+    for phase in ("waiting", "carried", "flying"):
+        bodies = collections.Counter(
+            name.rstrip("0123456789 ") for one in replays for name in one.collisions[phase]
+        )
+        print(f"  hit while {phase}: {dict(bodies)}")
 
 
 if __name__ == "__main__":

@@ -7,12 +7,18 @@ from .contact_model import (
     COLUMN,
     CUP_WALL,
     ContactModel,
+    add_contacts,
+    add_cup,
+    add_object,
+    add_palm,
+    add_solid,
     body_of,
     floor_of,
     has_hand,
     load_mujoco,
     plane_poses,
     pose_of,
+    set_contacts,
 )
 from .rollouts import (
     Ends,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, Indices
 from ...models.robot import Solid
 from ...problems import Cup, InputError, Scene, ThrownObject
 from ...problems.meshes import mesh_parts, read_stl
@@ -70,19 +70,8 @@ class ContactModel:
         _add_around(spec, scene)
         if arm:
             _add_arm(spec, scene)
-        # A bar without a width is 1 mm thick.
-        width = max(bar.width, 0.001)
-        slender = float(np.clip(bar.mass * width**2 / 6, 1e-2 * bar.inertia, 2 * bar.inertia))
-        flying = spec.worldbody.add_body(name="bar")
-        flying.add_freejoint()
-        flying.explicitinertial, flying.mass = True, bar.mass
-        flying.inertia = [slender, bar.inertia, bar.inertia]
         others = [geom.name for geom in spec.geoms]
-        own = _add_object(spec, flying, bar)
-        for part, name in itertools.product(own, others):
-            pair = spec.add_pair(geomname1=part, geomname2=name, condim=3)
-            pair.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2]
-            pair.solreffriction = [-1e-6, -1.0 / step]
+        add_contacts(spec, add_object(spec, bar), others)
         made = cls(spec.compile(), step)
         made._set_contact(restitution, friction)
         return made
@@ -95,8 +84,8 @@ class ContactModel:
 
     def _set_contact(self, restitution: float, friction: float) -> None:
         """Set restitution and friction of every contact."""
-        self.model.pair_solref[:] = -LIFT, -(1 + restitution) / self.step
-        self.model.pair_friction[:, :2] = friction
+        every = np.arange(self.model.npair)
+        set_contacts(self.model, every, self.step, restitution, friction)
 
     def state(self, states: Array) -> Array:
         """MuJoCo's states (N, 14) for in-plane poses and twists (N, 6) of the CoM."""
@@ -107,35 +96,56 @@ class ContactModel:
         return np.column_stack([zero, *pose, v_x, zero, v_z, zero, -omega, zero])
 
 
-def _add_object(spec: Any, flying: Any, bar: ThrownObject) -> list[str]:
-    """The shape of the flying object; returns its geoms' names.
+def add_contacts(spec: Any, own: list[str], others: list[str]) -> None:
+    """Contacts of an object's geoms with others, by their names."""
+    for part, name in itertools.product(own, others):
+        pair = spec.add_pair(geomname1=part, geomname2=name, condim=3)
+        pair.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2]
+
+
+def set_contacts(
+    model: Any, pairs: Indices, step: float, restitution: float, friction: float
+) -> None:
+    """Set restitution and friction of some of a model's pairs of geoms."""
+    model.pair_solref[pairs] = -LIFT, -(1 + restitution) / step
+    model.pair_solreffriction[pairs] = -1e-6, -1.0 / step
+    model.pair_friction[pairs, :2] = friction
+
+
+def add_object(spec: Any, bar: ThrownObject, name: str = "bar") -> list[str]:
+    """A free object, x along its axis, y across the throw's plane; returns its geoms' names.
 
     A bar is a box, at least 1 mm thick; an outline its capsules. MuJoCo collides convex
     hulls of meshes: one for the part of the mesh in each capsule.
     """
+    width = max(bar.width, 0.001)
+    slender = float(np.clip(bar.mass * width**2 / 6, 1e-2 * bar.inertia, 2 * bar.inertia))
+    flying = spec.worldbody.add_body(name=name)
+    flying.add_freejoint()
+    flying.explicitinertial, flying.mass = True, bar.mass
+    flying.inertia = [slender, bar.inertia, bar.inertia]
     kinds = load_mujoco().mjtGeom
     if not bar.outline:
-        width = max(bar.width, 0.001)
         size, middle = [bar.length / 2, width / 2, width / 2], bar.length / 2 - bar.com
-        flying.add_geom(name="bar", type=kinds.mjGEOM_BOX, size=size, pos=[middle, 0, 0])
-        return ["bar"]
+        flying.add_geom(name=name, type=kinds.mjGEOM_BOX, size=size, pos=[middle, 0, 0])
+        return [name]
     if bar.mesh is not None:
         hulls = mesh_parts(read_stl(Path(bar.mesh)), bar, bar.mesh)
         for number, points in enumerate(hulls):
-            name = f"{number} bar"
-            mesh = spec.add_mesh(name=name, uservert=(points - [bar.com, 0, 0]).ravel())
+            part = f"{number} {name}"
+            mesh = spec.add_mesh(name=part, uservert=(points - [bar.com, 0, 0]).ravel())
             mesh.inertia = load_mujoco().mjtMeshInertia.mjMESH_INERTIA_CONVEX
-            flying.add_geom(name=name, type=kinds.mjGEOM_MESH, meshname=name)
-        return [f"{number} bar" for number in range(len(hulls))]
+            flying.add_geom(name=part, type=kinds.mjGEOM_MESH, meshname=part)
+        return [f"{number} {name}" for number in range(len(hulls))]
     for number, row in enumerate(bar.capsules - [bar.com, 0, bar.com, 0, 0]):
         # A capsule of no length is a ball.
         flying.add_geom(
-            name=f"{number} bar",
+            name=f"{number} {name}",
             type=kinds.mjGEOM_CAPSULE,
             size=[row[4], 0, 0],
             fromto=[row[0], 0, row[1], row[2] + 1e-6, 0, row[3]],
         )
-    return [f"{number} bar" for number in range(len(bar.outline))]
+    return [f"{number} {name}" for number in range(len(bar.outline))]
 
 
 def pose_of(states: Array) -> tuple[Array, Array, Array]:
@@ -184,14 +194,14 @@ def _add_around(spec: Any, scene: Scene) -> None:
             name="floor", type=kinds.mjGEOM_PLANE, size=[beyond, beyond, 1.0], pos=place
         )
     if scene.cup is not None:
-        _add_cup(spec, scene.cup)
+        add_cup(spec.worldbody, scene.cup)
     for number, obstacle in enumerate(scene.obstacle):
         # Several obstacles may have one name.
         name = f"{number} obstacle {obstacle.name}"
-        _add_solid(spec, name, scene.aim.plane.seen(obstacle.solid))
+        add_solid(spec.worldbody, name, scene.aim.plane.seen(obstacle.solid))
 
 
-def _add_solid(spec: Any, name: str, solid: Solid) -> None:
+def add_solid(body: Any, name: str, solid: Solid) -> None:
     """An obstacle: a box, a sphere or a capsule."""
     mujoco = load_mujoco()
     kinds, quat = mujoco.mjtGeom, np.empty(4)
@@ -201,15 +211,15 @@ def _add_solid(spec: Any, name: str, solid: Solid) -> None:
         kind, size = kinds.mjGEOM_SPHERE, np.array([solid.radius, 0.0, 0.0])
         if solid.half[2]:
             kind, size = kinds.mjGEOM_CAPSULE, np.array([solid.radius, solid.half[2], 0.0])
-    spec.worldbody.add_geom(name=name, type=kind, size=size, pos=solid.centre, quat=quat)
+    body.add_geom(name=name, type=kind, size=size, pos=solid.centre, quat=quat)
 
 
-def _add_cup(spec: Any, cup: Cup) -> None:
-    """A round wall of boxes on a plate."""
+def add_cup(body: Any, cup: Cup, name: str = "") -> None:
+    """A round wall of boxes on a plate, in the throw's plane; name: after its geoms' own."""
     kinds, half, outer = load_mujoco().mjtGeom, cup.depth / 2, cup.radius + WALL
     bottom = cup.rim - cup.depth
-    spec.worldbody.add_geom(
-        name="cup bottom",
+    body.add_geom(
+        name=f"cup bottom{name}",
         type=kinds.mjGEOM_BOX,
         size=[outer, outer, WALL / 2],
         pos=[cup.x, 0.0, bottom - WALL / 2],
@@ -217,8 +227,8 @@ def _add_cup(spec: Any, cup: Cup) -> None:
     size, away = [WALL / 2, outer * math.tan(math.pi / BOXES), half], cup.radius + WALL / 2
     for k in range(BOXES):
         turn = 2 * math.pi * k / BOXES
-        spec.worldbody.add_geom(
-            name=f"{k} {CUP_WALL}",
+        body.add_geom(
+            name=f"{k} {CUP_WALL}{name}",
             type=kinds.mjGEOM_BOX,
             size=size,
             pos=[cup.x + away * math.cos(turn), away * math.sin(turn), bottom + half],
@@ -226,16 +236,21 @@ def _add_cup(spec: Any, cup: Cup) -> None:
         )
 
 
+def add_palm(body: Any, scene: Scene) -> None:
+    """The hand behind the pads, whose centre is the body's origin: x the approach axis, y across
+    the throw's plane."""
+    assert scene.arm is not None
+    back, front = scene.arm.tool.palm_back, scene.arm.tool.palm_front
+    size, place = [(back - front) / 2, 0.1, scene.arm.tool.palm_half_width], -(back + front) / 2
+    kind = load_mujoco().mjtGeom.mjGEOM_BOX
+    body.add_geom(name=HAND, type=kind, size=size, pos=[place, 0, 0])
+
+
 def _add_arm(spec: Any, scene: Scene) -> None:
     """The hand and the base column, if the scene keeps the bar off them."""
     kinds, bounds = load_mujoco().mjtGeom, scene.bounds
     if has_hand(scene):
-        assert scene.arm is not None
-        back, front = scene.arm.tool.palm_back, scene.arm.tool.palm_front
-        size = [(back - front) / 2, 0.1, scene.arm.tool.palm_half_width]
-        hand = spec.worldbody.add_body(name=HAND, mocap=True)
-        place = [-(back + front) / 2, 0, 0]
-        hand.add_geom(name=HAND, type=kinds.mjGEOM_BOX, size=size, pos=place)
+        add_palm(spec.worldbody.add_body(name=HAND, mocap=True), scene)
     if bounds.column_radius and bounds.column_height:
         half, target = bounds.column_height / 2, scene.target
         # In the frame of a cup that moves, the column moves.

@@ -4,7 +4,7 @@ All read a saved plan or cycle back and check it again, since files can be edite
 """
 
 from .controller_files import FRANKA_FILES, export, motion_facts, write_franka
-from .cycles import CycleReplay, cycle_in_space, replay_cycle
+from .cycles import CycleReplay, ObjectReplay, cycle_in_space, replay_cycle
 from .expectations import Expectations
 from .franka import Franka, check_motion, connected
 from .franka_run import approach, rehearse, throws

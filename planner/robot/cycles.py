@@ -1,8 +1,9 @@
-"""A cycle's throws in MuJoCo, and the whole cycle until its last object lies."""
+"""A cycle in MuJoCo, and over time until its last object lies."""
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,42 +12,86 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, ReadOnly
-from ...problems import check_arguments
+from ...problems import check_arguments, checked
 from ...problems.files import filling, write_json
 from ..cycle import Cycle, CycleStep
+from ..rest import CUP_WALL, is_still, plane_poses
 from ..show import SpaceCycle
-from ..throw import TICK
+from ..throw import TICK, Throw
+from ..verdict import outside_tolerance
 from .motions import solved_cycle
-from .mujoco_replay import Replay, check_replay, simulate, throw_to_rest
-from .mujoco_throw import HandPoses
+from .mujoco_cycle import ObjectMotion, simulate_cycle, states_in_plane
+from .mujoco_replay import Replay, check_replay, landing_of, throw_to_rest
+from .mujoco_throw import SimulatedFlight, end_in_cup
 
 #: Files of a replay's folder.
 REPLAY_FILES = ("replay.json", "replay.csv")
 
 
 @dataclass(frozen=True, repr=False)
+class ObjectReplay(Replay):
+    """An object of a cycle by MuJoCo, from its pick on: a `Replay` on the clock of its throw.
+
+    slip [m], turn [rad]: of the object in the pads as these begin to open, from where they grasped
+    it. aside [m]: of the landing, left of the throw's plane. collisions: bodies that it touches
+    while it is "waiting", "carried", and "flying" until it has landed, without its bin. places
+    (K, 3) [m]: its CoM at `times`, in the base frame.
+    """
+
+    slip: float
+    turn: float
+    aside: float
+    collisions: dict[str, tuple[str, ...]]
+    places: Array
+
+    @property
+    def inside(self) -> bool:
+        """Whether it lands within the scene's tolerance of the target."""
+        dx, dtheta = self.off("target")
+        way, turn = math.hypot(dx, self.aside), float(np.nan_to_num(dtheta))
+        return math.isfinite(dx) and not outside_tolerance(self.throw.scene.tolerance, way, turn)
+
+    @property
+    def hits(self) -> list[str]:
+        """Bodies that it touches before it has landed, with what it does then."""
+        return [f"{name} ({phase})" for phase, names in self.collisions.items() for name in names]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As `Replay.to_dict`, with slip, landing aside, and hits."""
+        slip = {"position": self.slip, "angle": self.turn}
+        collisions = {phase: list(names) for phase, names in self.collisions.items()}
+        aside = self.aside if math.isfinite(self.aside) else None
+        return super().to_dict() | {"slip": slip, "aside": aside, "hits": collisions}
+
+
+@dataclass(frozen=True, repr=False)
 class CycleReplay(ReadOnly):
-    """The throws of a cycle by MuJoCo, in their order, each on its own clock."""
+    """A cycle by MuJoCo: its objects in the order of their throws. simulated [s]: from the first
+    sample of the motion until the last object lies; run [s]: run time."""
 
     cycle: Cycle
-    replays: tuple[Replay, ...]
+    replays: tuple[ObjectReplay, ...]
+    simulated: float
+    run: float
 
-    def _each(self) -> Iterator[tuple[CycleStep, Replay]]:
+    def _each(self) -> Iterator[tuple[CycleStep, ObjectReplay]]:
         return zip(self.cycle.steps, self.replays, strict=True)
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON: `Replay.to_dict` of each throw, with the names of pick and bin."""
+        """As JSON: `ObjectReplay.to_dict` of each object, with the names of pick and bin."""
         steps = [
             {"pick": step.pick, "bin": step.bin, "inside": one.inside} | one.to_dict()
             for step, one in self._each()
         ]
-        return {"jobs": self.cycle.name, "steps": steps}
+        times = {"simulated": self.simulated, "run": self.run}
+        return {"jobs": self.cycle.name, "steps": steps, "time": times}
 
     def summary(self) -> str:
-        """Where each object lands, as lines for people."""
+        """How each object is held and where it lands, as lines for people."""
         good, count = sum(one.inside for one in self.replays), len(self.replays)
         lines = [f"{self.cycle.name}: in MuJoCo {good} of {count} land inside the tolerance"]
-        lines.append(f"  {'object':16} {'bin':12} {'MuJoCo less target: dx':>23} {'dtheta':>11}")
+        heads = f"{'slip while carried':>23} {'MuJoCo less target: dx':>23} {'dtheta':>11}"
+        lines.append(f"  {'object':16} {'bin':12} {heads}")
         for step, one in self._each():
             dx, dtheta = one.off("target")
             angle = "open" if math.isnan(dtheta) else f"{math.degrees(dtheta):+.3f} deg"
@@ -54,16 +99,14 @@ class CycleReplay(ReadOnly):
             off = f"{1e3 * dx:+20.3f} mm {angle:>11}  {where}"
             if not math.isfinite(dx):
                 off = "never falls to the target's height"
-            lines.append(f"  {step.pick:16} {step.bin:12} {off}")
+            slip = f"{1e3 * one.slip:8.3f} mm {math.degrees(one.turn):7.3f} deg"
+            lines.append(f"  {step.pick:16} {step.bin:12} {slip} {off}")
             if one.hits:
                 lines.append(f"    on its way it hits: {', '.join(one.hits)}")
             lines += [] if one.rest is None else [f"    {words}" for words in one.rest.words()]
         assumed = dict.fromkeys(one.assumed for one in self.replays if one.rest is not None)
         lines += [f"  assumed: {words}" for words in assumed]
-        simulated, run = (
-            sum(getattr(r, key) for r in self.replays) for key in ("simulated", "run")
-        )
-        return "\n".join([*lines, f"  {simulated:.2f} s simulated in {run:.1f} s"])
+        return "\n".join([*lines, f"  {self.simulated:.2f} s simulated in {self.run:.1f} s"])
 
     def save(self, folder: str | Path) -> None:
         """Write replay.json and replay.csv; InputError if that fails.
@@ -73,9 +116,9 @@ class CycleReplay(ReadOnly):
         """
         rows = list[Array]()
         for number, (step, one) in enumerate(self._each(), start=1):
-            places = one.throw.target.plane.points(one.com[0], one.com[1])
             times = TICK * step.join + one.times
-            rows.append(np.column_stack([np.full(len(times), number), times, places, one.com[2]]))
+            columns = np.full(len(times), number), times, one.places, one.com[2]
+            rows.append(np.column_stack(columns))
         with filling(Path(folder), REPLAY_FILES) as scratch:
             write_json(scratch / "replay.json", self.to_dict())
             names = "object,t,x,y,z,theta"
@@ -85,31 +128,75 @@ class CycleReplay(ReadOnly):
 
 @check_arguments
 def replay_cycle(
-    cycle: Cycle | str | Path,
-    step: float = 1e-5,
-    flight_step: float = 1e-4,
-    points: int = 12,
-    restitution: float = 0.1,
+    cycle: Cycle | str | Path, step: float = 1e-4, restitution: float = 0.1
 ) -> CycleReplay:
-    """Throw a cycle's objects in MuJoCo, as `replay` does with one; needs the extra `mujoco`.
+    """Simulate a cycle in MuJoCo, from the first sample of its motion until each object lies in its
+    cup or has landed; needs the extra `mujoco`.
 
-    cycle: a cycle, or the path of a cycle.json or of its folder. The hand, which a flying object
-    may hit, goes on to the next pick as in the cycle. MuJoCo takes over in the last millisecond
-    before the opening: until then the hand may be out of the throw's plane. Options and errors: see
-    `replay`.
+    cycle: a cycle, or the path of a cycle.json or of its folder. The hand follows the motion; all
+    objects, cups, obstacles and the arm's links are in one world. Two pads close on each object at
+    its pick with the gripper's force and carry it by friction alone: as far from each other as it
+    is thick, each with one contact, whose limits are the limit surface's ellipsoid. Until it is
+    held, an object stands fixed. step [s]: the largest, at most 0.2 ms; restitution: see `replay`.
+    InputError for what is no cycle, and without MuJoCo.
     """
-    check_replay(step, flight_step, points, restitution)
-    cycle = solved_cycle(cycle)
-    options = step, flight_step, points, restitution
-    each = zip(cycle.steps, cycle.throws, strict=True)
-    return CycleReplay(
-        cycle, tuple(simulate(throw, *options, _hand_at(cycle, one)) for one, throw in each)
+    # With 0.5 ms contacts lose what the verdict's grip holds.
+    checked("step", step, float, {"least": 1e-7, "most": 2e-4})
+    check_replay(restitution)
+    begin, cycle = time.perf_counter(), solved_cycle(cycle)
+    motions = simulate_cycle(cycle, step, restitution)
+    run = time.perf_counter() - begin
+    each = zip(cycle.steps, cycle.throws, motions, strict=True)
+    replays = tuple(_object_replay(*one, restitution, run / len(motions)) for one in each)
+    return CycleReplay(cycle, replays, float(motions[0].states[-1, 0]), run)
+
+
+def _object_replay(
+    step: CycleStep, throw: Throw, motion: ObjectMotion, restitution: float, run: float
+) -> ObjectReplay:
+    """What a simulated object did."""
+    scene, begin = step.scene, TICK * step.join
+    theta = float(throw.hand(np.array([throw.opening_time])).pose[2, 0]) + scene.grasp.angle
+    opened = motion.states[motion.states[:, 0] >= step.opening_time]
+    states = states_in_plane(step, throw, opened)
+    times, com = states[:, 0], plane_poses(states, theta)
+    flying = times >= throw.detach_time
+    landing, landed = landing_of(SimulatedFlight(times[flying], com[:, flying]), throw.target.z)
+    touched, rest = motion.touched["flying"], None
+    if scene.cup is not None:
+        at_rest = bool(is_still(states[-round(0.1 / TICK) :]))
+        walls = [at - begin for name, at in touched.items() if name.startswith(CUP_WALL)]
+        flown, wall = states[flying], min(walls, default=math.inf)
+        rest = end_in_cup(scene, scene.cup, flown, wall, at_rest, com[2, flying][0])
+    elif math.isfinite(landed):
+        # Nothing is known of what catches it.
+        keep = times <= landed + TICK
+        times, com, opened = times[keep], com[:, keep], opened[keep]
+        touched = {name: at for name, at in touched.items() if at - begin <= landed}
+    collisions = {phase: tuple(names) for phase, names in motion.touched.items()}
+    collisions["flying"] = tuple(
+        name
+        for name, at in touched.items()
+        if not name.startswith(("cup ", "floor")) and not at - begin > landed
     )
-
-
-def _hand_at(cycle: Cycle, step: CycleStep) -> HandPoses:
-    """The hand's motion on the clock of a step's throw."""
-    return lambda times: cycle.arm_at(times + TICK * step.join)[1]
+    return ObjectReplay(
+        throw,
+        landing,
+        throw.sliding_pivot.landing.pose,
+        throw.limit_surface.landing.pose,
+        times,
+        com,
+        tuple(touched),
+        rest,
+        restitution,
+        simulated=float(times[-1] - times[0]),
+        run=run,
+        slip=motion.slip,
+        turn=motion.turn,
+        aside=float(np.interp(landed, states[:, 0], states[:, 2])),
+        collisions=collisions,
+        places=opened[:, 1:4],
+    )
 
 
 def cycle_in_space(cycle: Cycle | str | Path) -> tuple[SpaceCycle, str]:

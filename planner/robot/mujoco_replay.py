@@ -41,7 +41,6 @@ from ..verdict import outside_tolerance
 from .mujoco_throw import (
     FRICTION,
     LEAD,
-    HandPoses,
     ReplayEnd,
     SimulatedFlight,
     fly,
@@ -230,29 +229,9 @@ def replay(
     step, flight_step [s]: of the opening, and after it. InputError for what is no plan, and
     without MuJoCo.
     """
-    check_replay(step, flight_step, points, restitution)
-    return simulate(throw_of(throw), step, flight_step, points, restitution)
-
-
-def check_replay(step: float, flight_step: float, points: int, restitution: float) -> None:
-    """InputError for an option of a replay out of range, and without MuJoCo."""
-    checked("restitution", restitution, float, {"least": 0, "most": 0.99})
     checked("points", points, int, {"least": 1, "most": 64})
-    for name, value in (("step", step), ("flight_step", flight_step)):
-        checked(name, value, float, {"least": 1e-7, "most": 1e-3})
-    load_mujoco("replay")
-
-
-def simulate(
-    throw: Throw,
-    step: float,
-    flight_step: float,
-    points: int,
-    restitution: float,
-    hand_at: HandPoses | None = None,
-) -> Replay:
-    """The replay of a throw, see `replay`; hand_at: the hand's motion after detach."""
-    start_time = time.perf_counter()
+    check_replay(restitution, step=step, flight_step=flight_step)
+    start_time, throw = time.perf_counter(), throw_of(throw)
     height = throw.target.z
     opening, states = release_run(throw, step, points)
     states[:, 0] -= target_travel(throw, opening)
@@ -263,9 +242,9 @@ def simulate(
     duration = 1.2 * expected + 0.2
     fine = duration / float(np.clip(math.ceil(duration / flight_step), 100, 20_000))
     free = fly_alone(throw, detach, start, start + duration, fine)
-    landing, landing_time = _landing(free, height)
+    landing, landing_time = landing_of(free, height)
     end = landing_time if math.isfinite(landing_time) else start + expected
-    flown = fly(throw, detach, start, end, flight_step, restitution, hand_at)
+    flown = fly(throw, detach, start, end, flight_step, restitution)
     poses = np.hstack([states[:, :3].T, flown.poses[:, 1:]])
     known = np.append(opening, flown.times[1:])
     times = np.arange(throw.opening_time, known[-1], TICK)
@@ -285,13 +264,21 @@ def simulate(
     )
 
 
-def _landing(free: SimulatedFlight, height: float) -> tuple[tuple[float, float, float], float]:
-    """x, z, theta and time as the CoM falls through `height`; NaN if it does not."""
+def check_replay(restitution: float, **steps: float) -> None:
+    """InputError for an option of a replay out of range, and without MuJoCo."""
+    checked("restitution", restitution, float, {"least": 0, "most": 0.99})
+    for name, value in steps.items():
+        checked(name, value, float, {"least": 1e-7, "most": 1e-3})
+    load_mujoco("replay")
+
+
+def landing_of(free: SimulatedFlight, height: float) -> tuple[tuple[float, float, float], float]:
+    """x, z, theta and time as the CoM first falls through `height`; NaN if it does not."""
     x, z, theta = free.poses
     below = np.flatnonzero((z[:-1] >= height) & (z[1:] < height))
     if not below.size:
         return (math.nan, math.nan, math.nan), math.nan
-    i = below[-1]
+    i = below[0]
     share = (z[i] - height) / (z[i] - z[i + 1])
     columns = np.column_stack([x, theta, free.times])
     at, angle, instant = columns[i] + share * (columns[i + 1] - columns[i])

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...models import Array, sticking_state
-from ...problems import InputError, Scene
+from ...problems import Cup, InputError, Scene
 from ..rest import (
     COLUMN,
     CUP_WALL,
@@ -26,9 +25,6 @@ from ..rest import (
 )
 from ..throw import Throw
 
-#: Poses (N, 4, 4) of the hand in the base frame at times (N,) [s] on a throw's clock: at the pads'
-#: centre, x the approach axis, z the normal of the throw's plane.
-HandPoses = Callable[[Array], Array]
 #: Friction of the bar against cup, floor, hand and column.
 FRICTION = 0.4
 #: Time [s] of the replay before the opening.
@@ -147,12 +143,10 @@ def fly(
     end: float,
     step: float,
     restitution: float,
-    hand_at: HandPoses | None = None,
 ) -> SimulatedFlight:
     """The flight from `start` to `end` [s], with a cup until the bar rests, at most 4 s longer.
 
     detach (6,): pose and twist of the bar at `start`. A bar rests that was still for 0.1 s.
-    hand_at: the hand's motion, that of the throw if left out.
     """
     mujoco, scene, cup = load_mujoco(), throw.scene, throw.scene.cup
     made = ContactModel.of(scene, step, restitution, FRICTION, arm=True)
@@ -162,13 +156,12 @@ def fly(
     last = end if cup is None else end + 4.0
     count = max(math.ceil((last - start) / step), 1)
     times = start + step * np.arange(count + 1.0)
-    hand = _hand_in_plane(throw, times, hand_at) if has_hand(scene) else None
+    hand = _hand_in_plane(throw, times) if has_hand(scene) else None
     moved, bodies = target_travel(throw, times), map(model.body, range(model.nbody))
     column = [body.mocapid[0] for body in bodies if body.name == COLUMN]
     geoms = (model.geom(i).name for i in range(model.ngeom))
     names = [body_of(name) for name in geoms]
-    states, touched = np.empty((count + 1, len(state))), dict[str, None]()
-    entered, touched_rim, still = False, False, 0
+    states, touched, still = np.empty((count + 1, len(state))), dict[str, int](), 0
     for k in range(count + 1):
         states[k, 1:8], states[k, 8:] = data.qpos, data.qvel
         if k == count:
@@ -178,11 +171,9 @@ def fly(
             data.mocap_pos[0, 0] -= moved[k]
         data.mocap_pos[column, 0] = -moved[k]
         mujoco.mj_step(model, data)
-        if cup is not None:
-            entered = entered or bool(enters_cup(scene, cup, *pose_of(states[k])))
         contacts = {names[geom] for geom in data.contact.geom.ravel()} if data.ncon else set()
-        touched_rim |= CUP_WALL in contacts and not entered
-        touched |= dict.fromkeys(sorted(contacts - {"bar"}))
+        for name in sorted(contacts - {"bar"}):
+            touched.setdefault(name, k)
         still = still + 1 if is_still(states[k : k + 1]) else 0
         if cup is not None and still * step >= 0.1 and times[k] > end:
             break
@@ -190,29 +181,33 @@ def fly(
     poses = plane_poses(states, detach[2])
     if cup is None:
         return SimulatedFlight(times, poses, tuple(touched))
-    settled = times >= times[-1] - (0.0 if at_rest else 1.0)
-    x, y, z = (float(value) for value in states[-1, 1:4])
-    inside = bool(is_in_cup(scene, cup, *pose_of(states[settled])).all())
-    rest = ReplayEnd(inside, entered, touched_rim, at_rest, (x, y, z, float(poses[2, -1])))
+    wall = float(times[touched[CUP_WALL]]) if CUP_WALL in touched else math.inf
+    rest = end_in_cup(scene, cup, np.column_stack([times, states[:, 1:]]), wall, at_rest, detach[2])
     return SimulatedFlight(times, poses, tuple(touched), rest)
 
 
-def _hand_in_plane(throw: Throw, times: Array, hand_at: HandPoses | None) -> tuple[Array, Array]:
-    """Places (N, 3) [m] and quaternions (N, 4) of the hand in the model's frame at times (N,)."""
-    from scipy.spatial.transform import Rotation
+def end_in_cup(
+    scene: Scene, cup: Cup, states: Array, wall: float, at_rest: bool, theta: float
+) -> ReplayEnd:
+    """The end of a bar with MuJoCo's states (K, 14) in the throw's plane, with their times [s].
 
-    plane = throw.target.plane
-    if hand_at is None:
-        poses = plane.poses(throw.manipulator.hand(throw.to_rest).at(times).pose)
-    else:
-        poses = hand_at(times)
-    origin = plane.points(0.0, 0.0)
-    forward, up = plane.points(1.0, 0.0) - origin, np.array([0.0, 0.0, 1.0])
-    frame = np.column_stack([forward, -plane.normal, up])
-    x, y, z = np.moveaxis(frame.T @ poses[:, :3, :3], -1, 0)
-    axes = np.stack([x, -z, y], axis=-1)
-    quaternions = Rotation.from_matrix(axes).as_quat(scalar_first=True)
-    return (poses[:, :3, 3] - origin) @ frame, quaternions
+    wall [s]: when it first touched the cup's wall, infinite if never. theta [rad]: see
+    `plane_poses`.
+    """
+    times, at_end = states[:, 0], states[:, 0] >= states[-1, 0] - (0.0 if at_rest else 1.0)
+    x, y, z = (float(value) for value in states[-1, 1:4])
+    inside = bool(is_in_cup(scene, cup, *pose_of(states[at_end])).all())
+    entered = times[enters_cup(scene, cup, *pose_of(states))]
+    rim = wall < entered.min(initial=math.inf)
+    pose = x, y, z, float(plane_poses(states, theta)[2, -1])
+    return ReplayEnd(inside, entered.size > 0, bool(rim), at_rest, pose)
+
+
+def _hand_in_plane(throw: Throw, times: Array) -> tuple[Array, Array]:
+    """Places (N, 3) [m] and quaternions (N, 4) of the hand in the model's frame at times (N,)."""
+    x, z, theta = throw.manipulator.hand(throw.to_rest).at(times).pose
+    zero, half = 0.0 * x, theta / 2
+    return np.column_stack([x, zero, z]), np.column_stack([np.cos(half), zero, -np.sin(half), zero])
 
 
 def target_travel(throw: Throw, times: Array) -> Array:
@@ -234,7 +229,7 @@ def release_model(scene: Scene, step: float, points: int) -> Any:
     """
     mujoco, contact, bar = load_mujoco(), scene.patch, scene.object
     # Stiffness of friction over that of the normal force: below 1e6 loaded points creep.
-    spec = _spec(scene, step, impratio=1e9)
+    spec = empty_spec(scene, step, impratio=1e9)
     spec.option.tolerance, spec.option.jacobian = 1e-14, mujoco.mjtJacobian.mjJAC_DENSE
     bodies = [spec.worldbody.add_body(name=name) for name in ("hand", "bar")]
     for body, armature in zip(bodies, (hand_inertia(scene), 0.0), strict=True):
@@ -242,8 +237,8 @@ def release_model(scene: Scene, step: float, points: int) -> Any:
             body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=armature)
         body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, -1, 0], armature=armature)
     hand, carried = bodies
-    _weigh(hand, 1e-3, [1e-6] * 3)
-    _weigh(carried, bar.mass, [bar.inertia] * 3)
+    weigh(hand, 1e-3, [1e-6] * 3)
+    weigh(carried, bar.mass, [bar.inertia] * 3)
     reach, untouched = 10 * bar.length + 1, {"contype": 0, "conaffinity": 0}
     box, sphere = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE
     carried.add_geom(name="bar", type=box, size=[reach, 1, reach], **untouched)
@@ -256,7 +251,7 @@ def release_model(scene: Scene, step: float, points: int) -> Any:
             place = [radius * math.cos(angle), 2.0 * side, radius * math.sin(angle)]
             pad = hand.add_body(pos=place)
             pad.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, -side, 0])
-            _weigh(pad, mass, [1e-9] * 3)
+            weigh(pad, mass, [1e-9] * 3)
             pad.add_geom(name=name, type=sphere, size=[1, 0, 0], **untouched)
             pair = spec.add_pair(geomname1=name, geomname2="bar", condim=3 if points > 1 else 4)
             # Sliding friction twice, then torsion: a length times the friction.
@@ -267,7 +262,7 @@ def release_model(scene: Scene, step: float, points: int) -> Any:
     return spec.compile()
 
 
-def _spec(scene: Scene, step: float, impratio: float) -> Any:
+def empty_spec(scene: Scene, step: float, impratio: float) -> Any:
     """An empty world with the scene's gravity."""
     mujoco = load_mujoco()
     spec = mujoco.MjSpec()
@@ -277,7 +272,7 @@ def _spec(scene: Scene, step: float, impratio: float) -> Any:
     return spec
 
 
-def _weigh(body: Any, mass: float, inertia: list[float]) -> None:
+def weigh(body: Any, mass: float, inertia: list[float]) -> None:
     """Give a body its mass and its moments of inertia about its own axes."""
     body.explicitinertial, body.mass, body.inertia = True, mass, inertia
 
