@@ -38,14 +38,12 @@ from ...core.compile import digest, source_of
 from ...models import Array
 from .stages import Block, Instants, Layout, Parameters, Stage, Structure
 
-#: Largest number of intermediates in a stage with shared common expressions. Beyond it (scenarios)
-#: sharing costs more than half of the build and saves a fifth of the evaluation.
-MAX_SHARED = 20
-
 Lifted = list[tuple[ca.SX, ca.SX]]
 
 
-#: Functions that NLPs share, by the digest of what they are derived from.
+#: Functions that NLPs share, by the digest of what they are derived from. Derivatives of the first
+#: NLP compute common expressions once, as later ones have most of its stages: this doubles the time
+#: to build, and saves a fifth of an evaluation.
 Shared = dict[str, Any]
 
 
@@ -67,12 +65,14 @@ class _InstantFunctions:
     lagrangian: ca.Function
 
     @classmethod
-    def of(cls, value: ca.Function, group: Instants, z: ca.SX, p: ca.SX) -> _InstantFunctions:
-        """The functions of a group whose `value` is given."""
+    def of(
+        cls, value: ca.Function, group: Instants, z: ca.SX, p: ca.SX, options: dict[str, Any]
+    ) -> _InstantFunctions:
+        """The functions of a group whose `value` is given; options: of the derivatives."""
         rows = ca.vertcat(*[row.value for row in group.rows])
         multipliers = ca.SX.sym("l", rows.numel())
         jacobian, gradient, hessian = differentiate(z, group.lifted, rows, multipliers)
-        inputs, options = [z, p, group.at], {"cse": True}
+        inputs = [z, p, group.at]
         slopes = ca.Function("slopes", inputs, [jacobian.T], options)
         sums = [ca.densify(gradient), hessian]
         return cls(value, slopes, ca.Function("curvature", [*inputs, multipliers], sums, options))
@@ -87,7 +87,12 @@ class _GroupFunctions:
     """
 
     def __init__(
-        self, group: Instants, everything: ca.SX, parameters: ca.SX, shared: Shared
+        self,
+        group: Instants,
+        everything: ca.SX,
+        parameters: ca.SX,
+        shared: Shared,
+        options: dict[str, Any],
     ) -> None:
         rows = ca.vertcat(*[row.value for row in group.rows])
         expanded = substitute_lifted([rows], group.lifted)
@@ -95,10 +100,10 @@ class _GroupFunctions:
         self.indices = _dependencies(expanded[0], everything)
         self.parameters = _dependencies(expanded[0], parameters)
         z, p = everything[self.indices], parameters[self.parameters]
-        value = ca.Function("value", [z, p, group.at], expanded, {"cse": True})
+        value = ca.Function("value", [z, p, group.at], expanded)
         self.key = digest(value.serialize())
         if self.key not in shared:
-            shared[self.key] = _InstantFunctions.of(value, group, z, p)
+            shared[self.key] = _InstantFunctions.of(value, group, z, p, options)
         self._one: _InstantFunctions = shared[self.key]
         self.gradient = ca.SX.sym("gradient", z.numel())
         self.hessian = ca.SX.sym("hessian", self._one.lagrangian.sparsity_out(1))
@@ -125,17 +130,20 @@ class StageFunctions:
     """CasADi functions of (v, d, p): a kind's variables, its stage's data, parameters.
 
     parameters (len(p),): indices of p among those of the NLP that they were made for. The outputs
-    are -F_k and the constraints; those of groups come last.
+    are -F_k and the constraints; those of groups come last. options: of the derivatives.
     """
 
-    def __init__(self, stage: Stage, parameters: ca.SX, shared: Shared) -> None:
-        self._stage = stage
+    def __init__(
+        self, stage: Stage, parameters: ca.SX, shared: Shared, options: dict[str, Any]
+    ) -> None:
+        self._stage, self._options = stage, options
         rows = [row.value for row in stage.rows]
         outputs = ca.vertcat(*[-state for state in stage.following.values()], *rows)
         self._outputs = ca.vertcat(stage.cost, outputs)
         everything = ca.vertcat(stage.variables, *[symbol for symbol, _ in stage.lifted])
         self._groups = [
-            _GroupFunctions(group, everything, parameters, shared) for group in stage.instants
+            _GroupFunctions(group, everything, parameters, shared, options)
+            for group in stage.instants
         ]
         data = ca.vertcat(*[symbol for symbol, _ in stage.data.values()])
         self._multipliers = ca.SX.sym("l", self._outputs.numel())
@@ -147,7 +155,7 @@ class StageFunctions:
             np.searchsorted(self.parameters, group.parameters).tolist() for group in self._groups
         ]
         self._inputs = [stage.variables, data, parameters[self.parameters]]
-        self._once = self._function("once", [], once)
+        self._once = ca.Function("once", self._inputs, once)
 
     @property
     def key(self) -> str:
@@ -156,9 +164,8 @@ class StageFunctions:
         return digest(self._once.serialize(), repr((groups, self._places)))
 
     def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
-        """A function of (v, d, p, more), written in SX."""
-        options = {"cse": len(self._stage.lifted) <= MAX_SHARED}
-        return ca.Function(name, [*self._inputs, *more], outputs, options)
+        """A derivative, a function of (v, d, p, more), written in SX."""
+        return ca.Function(name, [*self._inputs, *more], outputs, self._options)
 
     def _joined(
         self, name: str, outputs: Callable[..., list[ca.MX]], more: Sequence[ca.MX] = ()
@@ -336,7 +343,7 @@ def assemble(
     Stages may share a kind. landing: expression in the variables of the stage at detach. shared:
     functions of other NLPs, to which those of this one are added.
     """
-    symbol, at = parameters.symbol, structure.detach
+    symbol, at, options = parameters.symbol, structure.detach, {"cse": not shared}
     kinds: dict[int, tuple[StageFunctions, list[int]]] = {}
     links: list[Link] = []
     blocks: list[tuple[Block, int, slice]] = []
@@ -344,7 +351,7 @@ def assemble(
     end = 0
     for k, stage in enumerate(stages):
         if id(stage) not in kinds:
-            functions = StageFunctions(stage, symbol, shared)
+            functions = StageFunctions(stage, symbol, shared, options)
             # Another NLP has the same parameters at other places.
             kinds[id(stage)] = shared.setdefault(functions.key, functions), functions.parameters
         begin, gap = end, len(rows)
