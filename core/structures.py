@@ -30,7 +30,9 @@ ROWS = {
 }
 
 #: Looked up once: a plan takes some twenty addresses.
-_addressof, _buffer_of, _ndarray = ctypes.addressof, ctypes.c_char.from_buffer, np.ndarray
+_addressof, _ndarray = ctypes.addressof, np.ndarray
+# Python 3.11's stubs do not know arrays as buffers, later ones do.
+_buffer_of: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 
 def array_address(
@@ -48,7 +50,7 @@ def array_address(
             raise ValueError(f"{name}: the core takes {least}{length} elements, not {size}")
         try:
             # Three times as fast as `values.ctypes`.
-            return _addressof(_buffer_of(values))  # type: ignore[arg-type]
+            return _addressof(_buffer_of(values))
         except (TypeError, ValueError):
             # ctypes also refuses arrays without elements and constants.
             if values.flags.c_contiguous and (constant or values.flags.writeable):

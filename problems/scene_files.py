@@ -140,10 +140,10 @@ def _with_mesh(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
     name = table.get("mesh")
     if not isinstance(name, str) or folder is None:
         return dict(table)
-    path = (folder / name).resolve()
+    path = folder / name
     if not path.is_file():
         raise InputError(f"mesh = {name}: no such file")
-    return {**table, "mesh": str(path)}
+    return {**table, "mesh": str(path.resolve())}
 
 
 def _grip_of(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:

@@ -318,7 +318,10 @@ def folder_below(place: Path, name: str) -> Path:
         raise InputError("folder: is empty; type the name of a folder for the plan's files")
     try:
         place, folder = place.resolve(), (place / name).resolve()
-    except (OSError, ValueError, RuntimeError) as error:  # RuntimeError for links in a circle.
+        # Up to Python 3.12, resolve() raises this itself.
+        if any(path.is_symlink() for path in (folder, *folder.parents)):
+            raise RuntimeError(f"Symlink loop from {folder}")
+    except (OSError, ValueError, RuntimeError) as error:
         raise InputError(f"folder {name!r}: {error}") from None
     if place not in folder.parents:
         raise InputError(f"folder {name}: must be below {place}, where the command was started")

@@ -70,7 +70,7 @@ def _draw_bars(
     opening, bars = case.grip.opening, 7
     starts = {"stick": 0.0, "pivot": pivot.pivot, "slide": pivot.slide, "flight": opening}
     named = set()
-    for time in np.linspace(0.0, 3 * opening, bars):
+    for time in np.linspace(0.0, 3 * opening, bars).tolist():
         late = max(0.0, time - opening)
         com = np.array([np.interp(time, stepped.times, row) for row in stepped.com])
         if late:

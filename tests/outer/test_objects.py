@@ -95,6 +95,15 @@ def test_the_outline_covers_the_mesh(name: str) -> None:
     assert thrown.length < np.ptp(points[:, 0]) + 2 * max(thrown.capsules[:, 4])
 
 
+@pytest.mark.parametrize("name", ["absent.stl", "circle.stl", r"a\u0000b"])
+def test_a_mesh_that_is_no_file_is_refused(tmp_path, name) -> None:
+    (tmp_path / "circle.stl").symlink_to("circle.stl")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(f'[object]\nmesh = "{name}"\n')
+    with pytest.raises(tp.InputError, match="no such file"):
+        tp.load_scene(scene)
+
+
 OBJECT = {"mass": 0.2, "inertia": 5e-4, "length": 0.2, "com": 0.1}
 
 
