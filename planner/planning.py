@@ -145,7 +145,7 @@ def _failed_plan(search: Search, history: History) -> Plan:
             search, history, words, out_of_reach=far, nearest=pose, binding=binding
         )
     edge = history.edges[0].edge if history.edges else None
-    if edge is not None and search.is_out_of_reach(history):
+    if edge is not None and search.is_nearest_possible(history):
         words = edge.words("out of reach: nearest possible x", task.target)
         return unsolved_plan(search, history, words, nearest=edge.pose, binding=edge.names)
     if search.blocked:

@@ -78,7 +78,8 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
             if made[-1].solved:
                 return
         yield near
-        after, is_costly = near.after, near.after.costly or near.after.bodies
+        after = near.after
+        is_costly = after.costly > refinement.costly or after.bodies > refinement.bodies
         if near.throw is None or after == refinement or task.clock.late:
             return
         is_far = near.edge is not None and near.edge.missed > min(step.away, step.most)

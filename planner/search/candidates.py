@@ -89,13 +89,13 @@ class Candidates:
 
     @cached_property
     def judged(self) -> list[tuple[int, Pose, Pose]]:
-        """(release, goal, landing) of the nearest throws that break nothing where they land.
+        """(release, goal, landing) of near throws that differ and break nothing where they land.
 
-        The nearest of the others follows, with the goal for its landing.
+        The first of the others follows, with the goal for its landing.
         """
         task = self.task
         sound, others = list[tuple[int, Pose, Pose]](), list[tuple[int, Pose, Pose]]()
-        for index, goal, _ in starts(self.releases, task.scene, task.target, task.turns, JUDGED):
+        for index, goal, _ in self.different[:JUDGED]:
             with task.clock("guess"):
                 pose = self._sound_landing(index, goal)
             (others if pose is None else sound).append((index, goal, pose or goal))

@@ -46,8 +46,8 @@ class Approach:
 
     source: a solved throw, or a start that has its own landing for a goal; away [m]: how far off
     the goal it lands, inf if it breaks something there. found: the throw is of an earlier plan.
-    light: end before an NLP with costly constraints, or with clearances of further bodies. most
-    [m]: end where limits let it come no nearer than this pose error.
+    light: end before an NLP for which costly constraints come in, or clearances of further bodies.
+    most [m]: end where limits let it come no nearer than this pose error.
     """
 
     goal: Pose

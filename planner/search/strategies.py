@@ -182,8 +182,12 @@ class Search:
         is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
         if not (agree or is_vain):
             return False
-        known += [away for _, _, away in self.arriving.nearest]
-        return least <= ratio * min(known, default=math.inf) + self.task.scene.tolerance.position
+        return self._is_nearest(least, known + [away for _, _, away in self.arriving.nearest])
+
+    def _is_nearest(self, least: float, known: list[float]) -> bool:
+        """Whether no known throw lands nearer to the target than `least` [m]."""
+        most = SETTINGS.equal_ratio * min(known, default=math.inf)
+        return least <= most + self.task.scene.tolerance.position
 
     @property
     def _stored_distances(self) -> list[float]:
@@ -192,14 +196,16 @@ class Search:
         boundary = library.nearest_of_boundary(task.target, task.turns, 1)
         return [one.distance for one in (*self._nearest(library, 1, math.inf), *boundary)]
 
-    def is_out_of_reach(self, history: History) -> bool:
-        """Whether the nearest landing, once no try is left, is a reason to call the target so.
+    def is_nearest_possible(self, history: History) -> bool:
+        """Whether the nearest landing, once no try is left, is the nearest possible.
 
-        Millimetres from it another motion may still reach the target.
+        Millimetres from it another motion may still reach the target. No throw of the library may
+        land nearer.
         """
-        far = history.edges[0].missed >= SETTINGS.same_distance
-        ended = far and not self.task.clock.late
-        return self.blocked or ended or self.is_settled(history)
+        least = history.edges[0].missed
+        ended = least >= SETTINGS.same_distance and not self.task.clock.late
+        is_nearest = self._is_nearest(least, self._stored_distances)
+        return ((self.blocked or ended) and is_nearest) or self.is_settled(history)
 
     def remember(self, history: History) -> None:
         """Keeps the throws found, or the nearest landing, for later plans."""
