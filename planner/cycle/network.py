@@ -166,13 +166,18 @@ class Network:
         return found
 
     def with_stops(self, order: Sequence[int], chosen: Sequence[int]) -> float:
-        """Time [s] of the same throws one after another, each from rest to rest."""
-        connections = self.connections(order, chosen, stop=True)
-        for connection, waiting in connections:
+        """Time [s] of the same throws one after another, each from rest to rest; where waiting
+        objects let no such motion pass, as if they were not there."""
+        motions = 0.0
+        for connection, waiting in self.connections(order, chosen, stop=True):
             connection.settle(waiting)
+            if connection.best(waiting) is None:
+                waiting = 0
+                connection.settle()
+            motions += connection.time(waiting)
         swings = sum(float(self.throws[c].throw.samples.times[-1]) for c in chosen)
         waits = sum(pick.grasp_time for pick in self.jobs.picks)
-        return sum(way.time(waiting) for way, waiting in connections) + swings + waits
+        return motions + swings + waits
 
     def _why(self) -> str:
         """Why there is no order: the first pick that cannot be thrown or reached."""
