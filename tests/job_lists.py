@@ -24,8 +24,8 @@ from oracle import broken_limits
 POSE = Path(__file__).parents[1] / "problems/scenes/pose.toml"
 #: Bars into bins beyond the arm's reach; half of them hammers; among posts; into bins within reach.
 KINDS = ("bars", "hammers", "posts", "near")
-#: Least distance [m] of picks: half a Franka Hand's capsules (118 mm), a bar's radius (14 mm) and the
-#: clearance of 10 mm. Nearer, the hand at a pick may touch a neighbour that stands higher.
+#: Least distance [m] of picks: half the length of a Franka Hand (118 mm), a bar's radius (14 mm),
+#: and the clearance (10 mm). Nearer, the hand at a pick may touch a neighbour that stands higher.
 APART = 0.15
 
 #: A part and a bin.
