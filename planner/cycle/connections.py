@@ -284,7 +284,7 @@ def rest_connection(
     space: SpatialScene,
     start: State,
     goal: State,
-    hit: Callable[[Option], int],
+    hit: Callable[[Samples], int],
     blocked: int,
     *,
     held: bool,
@@ -294,7 +294,7 @@ def rest_connection(
         _fastest(space, start, goal),
         lambda: _slower(space, start, goal, held=held),
         lambda found: first_finding(space, found.samples, held=held),
-        hit,
+        lambda found: hit(found.samples),
         blocked,
     )
 
@@ -309,7 +309,7 @@ def _after_brake(one: CycleThrow, goal: State) -> Iterator[Option]:
 
 
 def leave_connection(
-    one: CycleThrow, goal: State, hit: Callable[[Option], int], blocked: int
+    one: CycleThrow, goal: State, hit: Callable[[Samples], int], blocked: int
 ) -> Connection:
     """From the release to rest at the next pick or at home, if allowed without a stop; hit,
     blocked: as of `Connection`."""
@@ -326,6 +326,6 @@ def leave_connection(
             _slower(one.space, start, goal, held=False), _after_brake(one, goal)
         ),
         judge,
-        hit,
+        lambda found: hit(found.samples),
         blocked,
     )

@@ -27,6 +27,7 @@ from .connections import (
     Option,
     by_raised,
     direct,
+    joined,
     option_of,
     state_at,
 )
@@ -45,7 +46,7 @@ TURNS = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
 
 
 def enter_connection(
-    one: CycleThrow, pick: State, hit: Callable[[Option], int], blocked: int
+    one: CycleThrow, pick: State, hit: Callable[[Samples], int], blocked: int
 ) -> Connection:
     """From rest at a pick into a throw; its time is until the hand may leave the throw's plane.
 
@@ -56,7 +57,7 @@ def enter_connection(
         entrance.options(),
         entrance.raised,
         lambda found: first_finding(one.space, found.samples, held=True),
-        hit,
+        lambda found: hit(entrance.until_opening(found)),
         blocked,
     )
 
@@ -74,6 +75,10 @@ class _Entrance:
         #: Last sample of the throw at which the pads are closed.
         self.opens = math.floor(one.throw.opening_time / TICK)
         self._turned: dict[int, Transfer | None] = {}
+
+    def until_opening(self, found: Option) -> Samples:
+        """A motion and what follows of the swing, as long as the pads are closed."""
+        return joined([found.samples, self._throw[found.join : self.opens + 1]])
 
     def options(self) -> Iterator[Option]:
         """Motions with all joints at once."""

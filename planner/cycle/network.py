@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
+import operator
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -11,18 +13,17 @@ import numpy as np
 from ...models import Array
 from ...problems import Jobs
 from ..clearance import SpatialScene
-from ..throw import State
+from ..throw import Samples, State
 from .connections import (
     Connection,
     CycleThrow,
-    Option,
     at_rest,
     leave_connection,
     rest_connection,
 )
 from .cycle import UnsolvedError
 from .entrance import enter_connection
-from .order import Passing, Times, best_order
+from .order import Passing, Times, best_order, best_round
 from .waiting import WaitingObjects
 
 
@@ -86,14 +87,14 @@ class Network:
 
     def _hits(
         self, space: SpatialScene, pick: int, *, held: bool
-    ) -> tuple[Callable[[Option], int], int]:
+    ) -> tuple[Callable[[Samples], int], int]:
         """The picks whose objects a motion from or to a pick hits, and whose objects the hand hits
         as it takes that pick's object."""
         objects = self._objects
         if objects is None:
-            return lambda option: 0, 0
+            return lambda samples: 0, 0
         blocked = objects.hit_at_pick(pick) if pick >= 0 else 0
-        return lambda option: objects.hit(space, option.samples, pick, held=held), blocked
+        return lambda samples: objects.hit(space, samples, pick, held=held), blocked
 
     def end(self, goal: int) -> State:
         """A pick at rest, or home for -1."""
@@ -106,7 +107,7 @@ class Network:
             self._connections[key] = make()
         return self._connections[key]
 
-    def _times(self, begin: int) -> Times:
+    def _times(self) -> Times:
         """Times of all motions: of the fastest one of each that is not refused, judged or not."""
         picks, throws = range(len(self.picks)), range(len(self.throws))
         waits = np.array([pick.grasp_time for pick in self.jobs.picks])
@@ -127,8 +128,9 @@ class Network:
         first = [
             0.0 if way is None else way.time(all_picks & ~(1 << p)) for p, way in enumerate(ways)
         ]
-        end = -1 if self.home is not None else begin
-        last = np.array([self.leave(c, end).time() for c in throws])
+        last = leave[:, 0] - waits[0]
+        if self.home is not None:
+            last = np.array([self.leave(c, -1).time() for c in throws])
         return Times(np.array(first) + waits, enter, leave, last, *passing)
 
     def fastest(self) -> tuple[list[int], list[int]]:
@@ -137,14 +139,15 @@ class Network:
         Motions are judged only where the fastest order uses them. Raises UnsolvedError without one.
         """
         given = list(range(len(self.picks))) if self.jobs.order == "given" else None
-        begin = 0 if self.home is None else None
         while True:
-            times = self._times(0)
+            times = self._times()
             if given is not None:
-                total, chosen = times.least_time(given)
                 order = given
+                total, chosen = times.least_time(given)
+            elif self.home is None:
+                total, order, chosen = best_round(times)
             else:
-                total, order, chosen = best_order(times, begin)
+                total, order, chosen = best_order(times)
             if not math.isfinite(total):
                 raise UnsolvedError(self._why())
             stay = [way.settle(waiting) for way, waiting in self.connections(order, chosen)]
@@ -172,9 +175,8 @@ class Network:
         for connection, waiting in self.connections(order, chosen, stop=True):
             connection.settle(waiting)
             if connection.best(waiting) is None:
-                waiting = 0
                 connection.settle()
-            motions += connection.time(waiting)
+            motions += connection.time(0 if connection.best(waiting) is None else waiting)
         swings = sum(float(self.throws[c].throw.samples.times[-1]) for c in chosen)
         waits = sum(pick.grasp_time for pick in self.jobs.picks)
         return motions + swings + waits
@@ -198,7 +200,13 @@ class Network:
             if all(connection.best() is None for connection in ends):
                 return f"no motion from a throw to home: {_words(ends)}"
             refused += (each for each in ends if each.best() is None)
-        return f"no order of the picks joins all motions: {_words(refused)}"
+        hits = functools.reduce(operator.or_, (way.hits for way in self._connections.values()), 0)
+        names = [pick.name for p, pick in enumerate(self.jobs.picks) if hits >> p & 1]
+        if names:
+            words = f"objects that wait at their picks are in the way: {', '.join(names)}"
+        else:
+            words = _words(refused)
+        return f"no order of the picks joins all motions: {words}"
 
 
 def _words(connections: Sequence[Connection]) -> str:

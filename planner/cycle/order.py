@@ -8,7 +8,9 @@ reversals of its parts, its throws always chosen exactly.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -18,6 +20,8 @@ from ...models import Array
 
 #: Largest number of picks of which all orders are compared.
 EXACT = 10
+#: Times [s] that differ by less are equal.
+SAME = 1e-9
 
 
 #: A throw, the time [s] of its motion while a set of picks waits, and the time of the grasp.
@@ -41,6 +45,13 @@ class Times:
     last: Array
     passing_enter: Mapping[int, Sequence[Passing]]
     passing_leave: Mapping[int, Sequence[Passing]]
+
+    def ending_at(self, begin: int) -> Times:
+        """Times of orders that end at rest at this pick, with an empty hand."""
+        first = np.full_like(self.first, np.inf)
+        first[begin] = self.first[begin]
+        last = self.leave[:, begin] - self.first[begin]
+        return dataclasses.replace(self, first=first, last=last)
 
     def enter_from(self, pick: int, waiting: int) -> Array:
         """Times (C,) from a pick into all throws, while these wait."""
@@ -77,7 +88,25 @@ def _changed(times: Array, passing: Sequence[Passing], waiting: int) -> Array:
     return found
 
 
-def best_order(times: Times, begin: int | None) -> tuple[float, list[int], list[int]]:
+def best_round(times: Times) -> tuple[float, list[int], list[int]]:
+    """Time [s], picks and throws of the fastest order that ends at its first pick; `times.last` is
+    left out.
+
+    Without waiting objects it is the same from any pick on.
+    """
+    free = dataclasses.replace(times, passing_enter={}, passing_leave={})
+    least = best_order(free.ending_at(0), 0)[0]
+    found = math.inf, list(range(len(times.first))), list[int]()
+    for begin in range(len(times.first)):
+        other = best_order(times.ending_at(begin), begin)
+        if other[0] < found[0] - SAME:
+            found = other
+        if found[0] <= least + SAME:
+            break
+    return found
+
+
+def best_order(times: Times, begin: int | None = None) -> tuple[float, list[int], list[int]]:
     """Time [s], picks and throws of the fastest order; begin: the first pick, None for any."""
     count = len(times.first)
     if count > EXACT:
@@ -134,6 +163,6 @@ def _inserted(times: Times, begin: int | None) -> list[int]:
         for a, b in itertools.combinations(range(low, count + 1), 2):
             way = [*order[:a], *order[a:b][::-1], *order[b:]]
             time = times.least_time(way)[0]
-            if time < best - 1e-9:
+            if time < best - SAME:
                 order, best, better = way, time, True
     return order
