@@ -18,6 +18,7 @@ from ..result import Plan, joint_samples, sent_throw
 from ..throw import TICK, Samples, State, Throw, Transfer, joint_limits, transfer
 from ..verdict import Finding, first_finding, flight_findings, flight_gaps
 from .cycle import UnsolvedError, part_thrown
+from .inverse_kinematics import joint_rates
 from .slowing import slowed_transfer
 
 #: Shares of the limits on velocity, and on acceleration and jerk, that are tried.
@@ -28,8 +29,10 @@ SHARES = (
     *((0.3, 0.05), (0.2, 0.02)),
 )
 
-#: Routes: direct, by a raised pose, after the throw's brake.
-DIRECT, RAISED, BRAKED = (0,), (1,), (2,)
+#: Routes: direct, by a raised pose, after the throw's brake, by lifted poses.
+DIRECT, RAISED, BRAKED, LIFTED = (0,), (1,), (2,), (3,)
+#: Step [m] of a lift.
+LIFT_STEP = 0.01
 
 
 def state_at(samples: Samples, k: int) -> State:
@@ -236,6 +239,24 @@ def by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple[
     middle = _raised_pose(space, rest.q)
     ways = (list(direct(space, *ends)) for ends in ((start, middle), (middle, goal)))
     yield from itertools.product(*ways)
+
+
+def lifted_pose(space: SpatialScene, joints: Array, height: float) -> State:
+    """Joints with the hand straight above its place, turned as it is."""
+    q, steps = joints, math.ceil(height / LIFT_STEP)
+    for _ in range(steps):
+        q = q + joint_rates(space, q, np.array([0.0, 0.0, height / steps]))
+    return at_rest(q)
+
+
+def turned_above(
+    space: SpatialScene, start: State, goal: State, above: Array, height: float
+) -> Iterator[tuple[Transfer, ...]]:
+    """Motions by lifted poses over start and `above` (joints,), where they stop; in between the arm
+    turns above what stands there."""
+    lifted = (lifted_pose(space, q, height) for q in (start.q, above))
+    states = start, *lifted, goal
+    yield from zip(*(direct(space, *ends) for ends in itertools.pairwise(states)), strict=False)
 
 
 def still(state: State, ticks: int) -> Samples:

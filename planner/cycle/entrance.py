@@ -21,6 +21,7 @@ from ..throw import TICK, Samples, State, Transfer, gentle_transfer, joint_limit
 from ..verdict import first_finding
 from .connections import (
     DIRECT,
+    LIFTED,
     RAISED,
     Connection,
     CycleThrow,
@@ -30,6 +31,7 @@ from .connections import (
     joined,
     option_of,
     state_at,
+    turned_above,
 )
 
 #: Shares of the time until the pads may open at which the throwing joints may join the swing.
@@ -43,6 +45,8 @@ ENDS = (0.6, 0.8, 0.95)
 RISE = 150
 #: Shares of the time until the pads may open in which the other joints turn.
 TURNS = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
+#: Heights [m] above the pick to which the hand lifts an object over others.
+LIFTS = (0.3, 0.15)
 
 
 def enter_connection(
@@ -151,13 +155,17 @@ class _Entrance:
         return Samples(*rows)
 
     def raised(self) -> Iterator[Option]:
-        """Motions to rest at the swing's start, or by a raised pose, joining the swing at its start
-        or in its middle."""
+        """Motions to rest at the swing's start, or by a raised pose or two lifted ones, joining the
+        swing at its start or in its middle."""
         for slow in direct(self.one.space, self.pick, state_at(self._throw, 0)):
             yield option_of((slow,), DIRECT, self.one.free)
         for k in (0, self.opens // 2):
-            for parts in by_raised(self.one.space, self.pick, state_at(self._throw, k)):
-                yield option_of(parts, (*RAISED, k), self.one.free - k, k)
+            ends, after = (self.one.space, self.pick, state_at(self._throw, k)), self.one.free - k
+            for parts in by_raised(*ends):
+                yield option_of(parts, (*RAISED, k), after, k)
+            for number, height in enumerate(LIFTS):
+                for parts in turned_above(*ends, self._throw.q[0], height):
+                    yield option_of(parts, (*LIFTED, k, number), after, k)
 
 
 def _stretched(swing: Samples, speed: float, end: int) -> Samples | None:
