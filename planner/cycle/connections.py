@@ -31,8 +31,9 @@ SHARES = (
 
 #: Routes: direct, by a raised pose, after the throw's brake, by lifted poses.
 DIRECT, RAISED, BRAKED, LIFTED = (0,), (1,), (2,), (3,)
-#: Step [m] of a lift.
-LIFT_STEP = 0.01
+#: Heights [m] above the pick to which the hand lifts an object over others, or comes over them; and
+#: the step in which they are reached.
+LIFTS, LIFT_STEP = (0.3, 0.15), 0.01
 
 
 def state_at(samples: Samples, k: int) -> State:
@@ -280,8 +281,8 @@ def _fastest(space: SpatialScene, start: State, goal: State) -> Iterator[Option]
 
 
 def _slower(space: SpatialScene, start: State, goal: State, *, held: bool) -> Iterator[Option]:
-    """Motions slowed until the verdict allows them, direct and by a raised pose; then direct ones
-    by shares of the limits."""
+    """Motions slowed until the verdict allows them, direct and by a raised pose; then by shares of
+    the limits, direct and by a lifted pose over the pick."""
     middle = _raised_pose(space, (goal if start.dq.any() else start).q)
     for states, route in (((start, goal), DIRECT), ((start, middle, goal), RAISED)):
         try:
@@ -293,6 +294,11 @@ def _slower(space: SpatialScene, start: State, goal: State, *, held: bool) -> It
         yield _option(parts, route)
     for found in itertools.islice(direct(space, start, goal), 1, None):
         yield option_of((found,), DIRECT)
+    for number, height in enumerate(LIFTS):
+        lifted = lifted_pose(space, (start if held else goal).q, height)
+        ways = direct(space, start, lifted), direct(space, lifted, goal)
+        for both in zip(*ways, strict=False):
+            yield option_of(both, (*LIFTED, number))
 
 
 def _option(parts: list[Samples], route: tuple[int, ...]) -> Option:

@@ -22,6 +22,7 @@ from ..verdict import first_finding
 from .connections import (
     DIRECT,
     LIFTED,
+    LIFTS,
     RAISED,
     Connection,
     CycleThrow,
@@ -45,8 +46,6 @@ ENDS = (0.6, 0.8, 0.95)
 RISE = 150
 #: Shares of the time until the pads may open in which the other joints turn.
 TURNS = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
-#: Heights [m] above the pick to which the hand lifts an object over others.
-LIFTS = (0.3, 0.15)
 
 
 def enter_connection(
