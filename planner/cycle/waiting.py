@@ -50,6 +50,8 @@ def among(space: SpatialScene, obstacles: Sequence[Obstacle]) -> SpatialScene:
 
 def in_scene(throw: Throw, scene: Scene) -> Throw:
     """A throw in a scene with other obstacles."""
+    if scene is throw.scene:
+        return throw
     return dataclasses.replace(throw, scene=scene, known_release=throw.release)
 
 
