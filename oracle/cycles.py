@@ -14,7 +14,7 @@ import numpy as np
 from throwplan.problems import scene_from_table
 
 from . import shapes
-from .clearance import ADJACENT, Flight, Solid
+from .clearance import ADJACENT, LANDS, Flight, Solid
 from .files import columns_of
 from .judge import Judged, Oracle, joint_limits
 from .motion import TICK, Array, Frame, Samples, frames_of, link_inertia, quintics
@@ -27,6 +27,8 @@ TIMES = 1e-3
 NEAR = 1e-6
 #: Allowed violation [m] of the base column, which the planner measures at nine points of an axis.
 COLUMN_NEAR = 1e-3
+#: Clearance [m] of an object that waits at its pick.
+WAITING = 0.01
 #: Distance [samples] of the instants at which distances are measured.
 EVERY = 2
 #: Step [s] of the differences that give the object's acceleration.
@@ -95,7 +97,8 @@ def broken_limits(folder: Path) -> list[str]:
     joints = range(1, scenes[0].arm.joints + 1)
     kinds = (np.column_stack([columns[f"{k}{j}"] for j in joints]) for k in ("q", "dq", "ddq"))
     judge = _CycleJudge(steps, scenes, Samples(columns["t"], *kinds))
-    return [*judge.joints(), *judge.itself(), *judge.parts(), *judge.gripper(columns["gripper"])]
+    found = *judge.joints(), *judge.itself(), *judge.parts(), *judge.waiting()
+    return [*found, *judge.gripper(columns["gripper"])]
 
 
 class _CycleJudge:
@@ -113,6 +116,8 @@ class _CycleJudge:
             for c in self.arm.capsules
         ]
         self.numbers = [c.link for c in self.arm.capsules]
+        #: By the pick, both ends (K, 3) and radius of the capsules of an object that flies.
+        self.flown: dict[str, list[tuple[list[Array], float]]] = {}
 
     def joints(self) -> Iterator[str]:
         """Limits of the joints, and rest at both ends."""
@@ -136,6 +141,32 @@ class _CycleJudge:
                 away = shapes.between_segments(*ends).min() - r_a - r_b
                 if away < -NEAR:
                     yield f"links {one} and {other}: {away:.4f}"
+
+    def waiting(self) -> Iterator[str]:
+        """Distances from the objects at their picks: of the arm until it has thrown the one before,
+        and of that and all earlier ones as they are carried and fly; after `parts`."""
+        for k, (step, scene) in enumerate(zip(self.steps, self.scenes, strict=True)):
+            held = step["samples"][1]
+            own = list(Carried.of(scene).placed(_rows(self.frames[-1], slice(held, held + 1))))
+            for (begin, end), radius in own if k else ():
+                until = slice(0, math.ceil(self.steps[k - 1]["detach_time"] / TICK) + 1, EVERY)
+                for (ends, size), number in zip(self.links, self.numbers, strict=True):
+                    away = shapes.between_segments(*ends[:, until], begin, end).min()
+                    away -= size + self.arm.cover + radius
+                    if number > 1 and away < WAITING - NEAR:
+                        yield f"link {number}, {step['pick']} at its pick: {away:.4f}"
+            for (other, earlier), mine in itertools.product(
+                zip(self.steps[:k], self.scenes, strict=False), own
+            ):
+                rows = slice(other["samples"][1], math.floor(other["opening_time"] / TICK) + 1)
+                pads = _rows(_rows(self.frames[-1], rows), slice(None, None, EVERY))
+                flown = self.flown[other["pick"]]
+                for how, axes in ("is carried", Carried.of(earlier).placed(pads)), ("flies", flown):
+                    for axis, radius in axes:
+                        away = shapes.between_segments(*axis, *mine[0]).min() - radius - mine[1]
+                        if away < WAITING - NEAR:
+                            words = f"{other['pick']} as it {how}, {step['pick']} at its pick"
+                            yield f"{words}: {away:.4f}"
 
     def gripper(self, closed: Array) -> Iterator[str]:
         """Its commands in motion.csv."""
@@ -314,6 +345,9 @@ class _CycleJudge:
         planned = oracle.columns({}, 1)
         bar = oracle.bar(oracle.held(planned), {k: float(v[0]) for k, v in planned.items()})
         axes = bar.axes(flight.at(times - flight.begins), oracle.plane)
+        # At its landing it may be as near to a waiting object as it lands.
+        early = times < flight.begins + duration - LANDS
+        self.flown[step["pick"]] = [([end[early] for end in axis], r) for axis, r in axes]
         rows = np.minimum(np.arange(free, free + len(times)), len(self.samples.q) - 1)
         for (begin, end), radius in axes:
             for (ends, own), number in zip(self.links, self.numbers, strict=True):

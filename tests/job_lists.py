@@ -24,6 +24,9 @@ from oracle import broken_limits
 POSE = Path(__file__).parents[1] / "problems/scenes/pose.toml"
 #: Bars into bins beyond the arm's reach; half of them hammers; among posts; into bins within reach.
 KINDS = ("bars", "hammers", "posts", "near")
+#: Least distance [m] of picks: half the length of a Franka Hand (118 mm), a bar's radius (14 mm),
+#: and the clearance (10 mm). Nearer, the hand at a pick may touch a neighbour that stands higher.
+APART = 0.15
 
 #: A part and a bin.
 ONE = """
@@ -99,15 +102,30 @@ def _bins(random: np.random.Generator, near: bool) -> list[str]:
 def _picks(random: np.random.Generator, count: int, object_: str) -> list[str]:
     """Picks; object_: section of every second one."""
     lines = list[str]()
-    for number in range(count):
-        away, azimuth = random.uniform(0.38, 0.6), math.radians(random.uniform(-50, 50))
-        x, y, z = away * math.cos(azimuth), away * math.sin(azimuth), random.uniform(0.33, 0.42)
+    for number, (x, y) in enumerate(_places(random, count)):
         lines += ["[[pick]]", f'name = "part {number + 1}"', f"x = {x:.3f}", f"y = {y:.3f}"]
-        lines += [f"z = {z:.3f}", f"grasp_time = {random.uniform(0.2, 0.4):.2f}"]
+        lines += [
+            f"z = {random.uniform(0.33, 0.42):.3f}",
+            f"grasp_time = {random.uniform(0.2, 0.4):.2f}",
+        ]
         if random.random() < 0.3:
             lines += [f'bins = ["bin {random.integers(3) + 1}"]']
         lines += [object_] if number % 2 else []
     return lines
+
+
+def _places(random: np.random.Generator, count: int) -> list[tuple[float, float]]:
+    """Places in front of the arm, `APART` from each other; drawn anew where the last ones find no
+    room."""
+    while True:
+        found = list[tuple[float, float]]()
+        for _ in range(500):
+            away, azimuth = random.uniform(0.38, 0.6), math.radians(random.uniform(-50, 50))
+            place = away * math.cos(azimuth), away * math.sin(azimuth)
+            if all(math.dist(place, other) >= APART for other in found):
+                found.append(place)
+            if len(found) == count:
+                return found
 
 
 def _posts(random: np.random.Generator) -> str:

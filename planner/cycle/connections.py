@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
+import operator
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +17,8 @@ from ..clearance import SpatialScene
 from ..result import Plan, joint_samples, sent_throw
 from ..throw import TICK, Samples, State, Throw, Transfer, joint_limits, transfer
 from ..verdict import Finding, first_finding, flight_findings, flight_gaps
-from .cycle import UnsolvedError
+from .cycle import UnsolvedError, part_thrown
+from .inverse_kinematics import joint_rates
 from .slowing import slowed_transfer
 
 #: Shares of the limits on velocity, and on acceleration and jerk, that are tried.
@@ -25,6 +28,12 @@ SHARES = (
     *((0.7, 0.6), (1.0, 0.6), (0.6, 0.45), (0.5, 0.3), (0.4, 0.2), (0.3, 0.1)),
     *((0.3, 0.05), (0.2, 0.02)),
 )
+
+#: Routes: direct, by a raised pose, after the throw's brake, by lifted poses.
+DIRECT, RAISED, BRAKED, LIFTED = (0,), (1,), (2,), (3,)
+#: Heights [m] above the pick to which the hand lifts an object over others, or comes over them; and
+#: the step in which they are reached.
+LIFTS, LIFT_STEP = (0.3, 0.15), 0.01
 
 
 def state_at(samples: Samples, k: int) -> State:
@@ -64,6 +73,13 @@ class CycleThrow:
         rest = math.ceil(self.throw.landing_time / TICK) - self.braked
         return joined([Samples(*own), still(at_rest(own[0][-1]), max(rest, 0))])
 
+    @cached_property
+    def release(self) -> Throw:
+        """The part from the last sample with closed pads to `free`, then a brake of its own."""
+        own, opening = self.throw, self.throw.opening_time
+        part = math.floor(opening / TICK), self.free, opening
+        return part_thrown(own.scene, own.manipulator, self.samples, *part)
+
     @property
     def braked(self) -> int:
         """The sample at which the throw's own brake ends."""
@@ -84,13 +100,14 @@ class CycleThrow:
 class Option:
     """A motion that may be taken. duration [s]: with the part of the throw that it determines;
     make: its samples (N, joints); join: sample of the throw with which they end; family, speed: of
-    motions that differ in their speed only."""
+    motions that differ in their speed only; route: of motions that lead past the same places."""
 
     duration: float
     make: Callable[[], Samples]
     join: int = 0
     family: tuple[int, ...] = ()
     speed: float = 1.0
+    route: tuple[int, ...] = ()
 
     @cached_property
     def samples(self) -> Samples:
@@ -107,7 +124,10 @@ def joined(parts: list[Samples]) -> Samples:
 class Connection:
     """The fastest allowed motion between two states; judged only when it is needed.
 
-    options: motions that are tried first; others: makes those that are tried after them.
+    Which motion is allowed depends on the objects that wait at their picks meanwhile: sets of
+    picks, as of `WaitingObjects`. options: motions that are tried first; others: makes those that
+    are tried after them; hit: the picks whose objects a motion comes too near to; blocked: those
+    whose objects let none pass.
     """
 
     def __init__(
@@ -115,40 +135,75 @@ class Connection:
         options: Iterator[Option],
         others: Callable[[], Iterator[Option]],
         judge: Callable[[Option], Finding | None],
+        hit: Callable[[Option], int],
+        blocked: int,
     ) -> None:
+        self._blocked = blocked
         self._options = sorted(options, key=lambda option: option.duration)
         self._others: Callable[[], Iterator[Option]] | None = others
-        self._judge, self._is_judged = judge, False
+        self._judge, self._hit = judge, hit
+        #: Allowed motions, the fastest first, and the picks whose objects each would hit.
+        self._allowed = list[tuple[Option, int]]()
         #: Why the slowest motion that was judged was refused.
         self.trouble = ""
-        self._fill()
+        if not self._options:
+            self._fill()
 
     def _fill(self) -> None:
-        if not self._options and self._others is not None:
+        if self._others is not None:
             self._options = sorted(self._others(), key=lambda option: option.duration)
             self._others = None
 
     @property
-    def best(self) -> Option | None:
-        """The fastest motion that is not refused; None if all are."""
-        return self._options[0] if self._options else None
+    def hits(self) -> int:
+        """Picks whose objects may change the time."""
+        return functools.reduce(operator.or_, (hit for _, hit in self._allowed), self._blocked)
 
-    @property
-    def time(self) -> float:
+    def best(self, waiting: int = 0) -> Option | None:
+        """The fastest motion that is not refused while the objects of these picks wait."""
+        if waiting & self._blocked:
+            return None
+        free = (option for option, hit in self._allowed if not hit & waiting)
+        found = [*itertools.islice(free, 1), *self._options[:1]]
+        return min(found, key=lambda option: option.duration, default=None)
+
+    def time(self, waiting: int = 0) -> float:
         """Its duration [s]; infinite if all are refused."""
-        return math.inf if self.best is None else self.best.duration
+        best = self.best(waiting)
+        if best is not None:
+            return best.duration
+        # Others are hardly faster than those that were tried.
+        none = self._others is None or waiting & self._blocked
+        return math.inf if none else self._allowed[-1][0].duration
 
-    def settle(self) -> bool:
+    def settle(self, waiting: int = 0) -> bool:
         """Judge, until a motion is allowed; returns whether the time stays."""
-        before = self.time
-        while self.best is not None and not self._is_judged:
-            broken = self._judge(self.best)
-            self._is_judged = broken is None
-            if broken is not None:
-                self.trouble = broken.words
-                self._refuse(self._options.pop(0), broken)
+        before = self.time(waiting)
+        while True:
+            best = self.best(waiting)
+            if best is None and self._others is not None and not waiting & self._blocked:
                 self._fill()
-        return self.time == before
+            elif best is None or not self._options or best is not self._options[0]:
+                return self.time(waiting) == before
+            else:
+                self._judge_next()
+
+    def _judge_next(self) -> None:
+        """Judge the fastest motion that is not judged."""
+        option = self._options.pop(0)
+        broken = self._judge(option)
+        if broken is not None:
+            self.trouble = broken.words
+            self._refuse(option, broken)
+            if not self._options and not self._allowed:
+                self._fill()
+            return
+        hit = self._hit(option)
+        self._allowed.append((option, hit))
+        self._allowed.sort(key=lambda each: each[0].duration)
+        if hit and option.route:
+            # A slower motion on the same route hits the same.
+            self._options = [o for o in self._options if o.route != option.route]
 
     def _refuse(self, refused: Option, broken: Finding) -> None:
         """Leave out motions of the same family that are hardly slower.
@@ -187,50 +242,87 @@ def by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple[
     yield from itertools.product(*ways)
 
 
+def lifted_pose(space: SpatialScene, joints: Array, height: float) -> State:
+    """Joints with the hand straight above its place, turned as it is."""
+    q, steps = joints, math.ceil(height / LIFT_STEP)
+    for _ in range(steps):
+        q = q + joint_rates(space, q, np.array([0.0, 0.0, height / steps]))
+    return at_rest(q)
+
+
+def turned_above(
+    space: SpatialScene, start: State, goal: State, above: Array, height: float
+) -> Iterator[tuple[Transfer, ...]]:
+    """Motions by lifted poses over start and `above` (joints,), where they stop; in between the arm
+    turns above what stands there."""
+    lifted = (lifted_pose(space, q, height) for q in (start.q, above))
+    states = start, *lifted, goal
+    yield from zip(*(direct(space, *ends) for ends in itertools.pairwise(states)), strict=False)
+
+
 def still(state: State, ticks: int) -> Samples:
     """Samples at rest, one more than ticks."""
     return Samples(*(np.tile(row, (ticks + 1, 1)) for row in (state.q, state.dq, state.ddq)))
 
 
-def option_of(parts: tuple[Transfer, ...], after: int = 0, join: int = 0) -> Option:
+def option_of(
+    parts: tuple[Transfer, ...], route: tuple[int, ...], after: int = 0, join: int = 0
+) -> Option:
     """Transfers one after another, and the number of samples of the throw that follow."""
     ticks = sum(part.ticks for part in parts) + after
-    return Option(TICK * ticks, lambda: joined([part.samples for part in parts]), join)
+    make = functools.partial(joined, [part.samples for part in parts])
+    return Option(TICK * ticks, make, join, route=route)
 
 
 def _fastest(space: SpatialScene, start: State, goal: State) -> Iterator[Option]:
     """The fastest direct motion."""
-    return (option_of((found,)) for found in itertools.islice(direct(space, start, goal), 1))
+    found = itertools.islice(direct(space, start, goal), 1)
+    return (option_of((each,), DIRECT) for each in found)
 
 
 def _slower(space: SpatialScene, start: State, goal: State, *, held: bool) -> Iterator[Option]:
-    """Motions slowed until the verdict allows them, direct and by a raised pose; then direct ones
-    by shares of the limits."""
+    """Motions slowed until the verdict allows them, direct and by a raised pose; then by shares of
+    the limits, direct and by a lifted pose over the pick."""
     middle = _raised_pose(space, (goal if start.dq.any() else start).q)
-    for states in ((start, goal), (start, middle, goal)):
+    for states, route in (((start, goal), DIRECT), ((start, middle, goal), RAISED)):
         try:
             parts = [
                 slowed_transfer(space, *ends, held=held) for ends in itertools.pairwise(states)
             ]
         except UnsolvedError:
             continue
-        yield _option(parts)
+        yield _option(parts, route)
     for found in itertools.islice(direct(space, start, goal), 1, None):
-        yield option_of((found,))
+        yield option_of((found,), DIRECT)
+    for number, height in enumerate(LIFTS):
+        lifted = lifted_pose(space, (start if held else goal).q, height)
+        ways = direct(space, start, lifted), direct(space, lifted, goal)
+        for both in zip(*ways, strict=False):
+            yield option_of(both, (*LIFTED, number))
 
 
-def _option(parts: list[Samples]) -> Option:
+def _option(parts: list[Samples], route: tuple[int, ...]) -> Option:
     """Samples one after another."""
     samples = joined(parts)
-    return Option(TICK * (len(samples.q) - 1), lambda: samples)
+    return Option(TICK * (len(samples.q) - 1), lambda: samples, route=route)
 
 
-def rest_connection(space: SpatialScene, start: State, goal: State, *, held: bool) -> Connection:
-    """From rest to rest."""
+def rest_connection(
+    space: SpatialScene,
+    start: State,
+    goal: State,
+    hit: Callable[[Samples], int],
+    blocked: int,
+    *,
+    held: bool,
+) -> Connection:
+    """From rest to rest; hit, blocked: as of `Connection`."""
     return Connection(
         _fastest(space, start, goal),
         lambda: _slower(space, start, goal, held=held),
         lambda found: first_finding(space, found.samples, held=held),
+        lambda found: hit(found.samples),
+        blocked,
     )
 
 
@@ -240,11 +332,14 @@ def _after_brake(one: CycleThrow, goal: State) -> Iterator[Option]:
     rest, landed = at_rest(one.samples.q[-1]), len(one.samples.q) - 1
     for found in direct(one.space, rest, goal):
         for until in {max(one.braked, one.free), landed}:
-            yield _option([one.samples[one.free : until + 1], found.samples])
+            yield _option([one.samples[one.free : until + 1], found.samples], BRAKED)
 
 
-def leave_connection(one: CycleThrow, goal: State) -> Connection:
-    """From the release to rest at the next pick or at home, if allowed without a stop."""
+def leave_connection(
+    one: CycleThrow, goal: State, hit: Callable[[Samples], int], blocked: int
+) -> Connection:
+    """From the release to rest at the next pick or at home, if allowed without a stop; hit,
+    blocked: as of `Connection`."""
     start = state_at(one.samples, one.free)
 
     def judge(found: Option) -> Finding | None:
@@ -258,4 +353,6 @@ def leave_connection(one: CycleThrow, goal: State) -> Connection:
             _slower(one.space, start, goal, held=False), _after_brake(one, goal)
         ),
         judge,
+        lambda found: hit(found.samples),
+        blocked,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -13,7 +14,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
-from ...problems import Pose, Scene, check_arguments
+from ...problems import Obstacle, Pose, Scene, check_arguments
 from ...problems.files import plain
 from ..clearance import SpatialScene
 from ..throw import NO_SAMPLES, TICK, Manipulator, Samples, State, Throw, braked, make_manipulator
@@ -26,6 +27,7 @@ from ..verdict import (
     verdict,
     warnings,
 )
+from .waiting import among, in_scene, waiting_object
 
 #: What is known of the order of picks, in words.
 ORDERS = {
@@ -80,13 +82,28 @@ class CycleStep(ReadOnly):
     def throw(self, samples: Samples) -> Throw:
         """The throw in the cycle's samples: from `join` to `free`, then a brake of its own, for
         what follows may leave the throw's plane. Its clock begins at `join`."""
-        kinematics, rows = self.manipulator.kinematics, slice(self.join, self.free + 1)
-        assert isinstance(kinematics, PlanarArm)
-        columns = [j - 1 for j in kinematics.throwing_joints]
-        own = samples[rows, columns]
-        arm = self.manipulator.from_state(State(own.q[0], own.dq[0], own.ddq[0]))
-        sent = braked(arm.hard, own)
-        return Throw.sent(self.scene, arm, sent.path, sent, self.opening_time - TICK * self.join)
+        part = self.join, self.free, self.opening_time
+        return part_thrown(self.scene, self.manipulator, samples, *part)
+
+
+def part_thrown(
+    scene: Scene,
+    manipulator: Manipulator,
+    samples: Samples,
+    begin: int,
+    end: int,
+    opening_time: float,
+) -> Throw:
+    """The throw by a part of a motion of all joints, then a brake of its own.
+
+    opening_time [s]: on the motion's clock; the throw's begins at sample `begin`.
+    """
+    kinematics = manipulator.kinematics
+    assert isinstance(kinematics, PlanarArm)
+    own = samples[begin : end + 1, [j - 1 for j in kinematics.throwing_joints]]
+    arm = manipulator.from_state(State(own.q[0], own.dq[0], own.ddq[0]))
+    sent = braked(arm.hard, own)
+    return Throw.sent(scene, arm, sent.path, sent, opening_time - TICK * begin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +163,14 @@ class Cycle(ReadOnly):
                 found.setdefault(finding.words, []).append(step.pick)
         return tuple(f"{', '.join(names)}: {words}" for words, names in found.items())
 
+    def waiting(self, number: int) -> tuple[Obstacle, ...]:
+        """The objects of a step and of all later ones at their picks, as obstacles."""
+        found = (
+            waiting_object(step.space, self.samples.q[step.held], step.pick)
+            for step in self.steps[number:]
+        )
+        return tuple(itertools.chain(*found))
+
     def _part(self, begin: int, end: int) -> Samples:
         """The samples from one to another, both included."""
         rows = slice(begin, end + 1)
@@ -153,14 +178,16 @@ class Cycle(ReadOnly):
 
     def _findings(self) -> Iterator[Finding]:
         empty_from, last = 0, len(self.samples.q) - 1
-        for step, throw in zip(self.steps, self.throws, strict=True):
+        for number, (step, throw) in enumerate(zip(self.steps, self.throws, strict=True)):
+            # The hand may touch the object that it comes for, and later ones wait.
+            space = among(step.space, self.waiting(number + 1))
             # With an empty hand until the object is held, with the object until the pads open.
             opens = math.floor(step.opening_time / TICK)
             for begin, end, held in ((empty_from, step.held, False), (step.held, opens, True)):
-                found = motion_verdict(step.space, self._part(begin, end), held=held)
+                found = motion_verdict(space, self._part(begin, end), held=held)
                 yield from _later(found.findings, begin)
             empty_from = math.ceil(step.detach_time / TICK)
-            yield from _later(verdict(throw).findings, step.join)
+            yield from _later(verdict(in_scene(throw, space.scene)).findings, step.join)
             flown = flight_findings(
                 step.space, throw, self._part(step.free, last), TICK * (step.free - step.join)
             )

@@ -12,14 +12,28 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from ...models import Indices
 from ..throw import TICK, Samples, State, Transfer, gentle_transfer, joint_limits, transfer
 from ..verdict import first_finding
-from .connections import Connection, CycleThrow, Option, by_raised, direct, option_of, state_at
+from .connections import (
+    DIRECT,
+    LIFTED,
+    LIFTS,
+    RAISED,
+    Connection,
+    CycleThrow,
+    Option,
+    by_raised,
+    direct,
+    joined,
+    option_of,
+    state_at,
+    turned_above,
+)
 
 #: Shares of the time until the pads may open at which the throwing joints may join the swing.
 JOINS = (0.0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7)
@@ -34,13 +48,20 @@ RISE = 150
 TURNS = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
 
 
-def enter_connection(one: CycleThrow, pick: State) -> Connection:
-    """From rest at a pick into a throw; its time is until the hand may leave the throw's plane."""
+def enter_connection(
+    one: CycleThrow, pick: State, hit: Callable[[Samples], int], blocked: int
+) -> Connection:
+    """From rest at a pick into a throw; its time is until the hand may leave the throw's plane.
+
+    hit, blocked: as of `Connection`.
+    """
     entrance = _Entrance(one, pick)
     return Connection(
         entrance.options(),
         entrance.raised,
         lambda found: first_finding(one.space, found.samples, held=True),
+        lambda found: hit(entrance.until_opening(found)),
+        blocked,
     )
 
 
@@ -57,6 +78,10 @@ class _Entrance:
         #: Last sample of the throw at which the pads are closed.
         self.opens = math.floor(one.throw.opening_time / TICK)
         self._turned: dict[int, Transfer | None] = {}
+
+    def until_opening(self, found: Option) -> Samples:
+        """A motion and what follows of the swing, as long as the pads are closed."""
+        return joined([found.samples, self._throw[found.join : self.opens + 1]])
 
     def options(self) -> Iterator[Option]:
         """Motions with all joints at once."""
@@ -76,7 +101,8 @@ class _Entrance:
             for number, share in enumerate(TURNS):
                 turn = max(round(share * until), fastest.ticks)
                 make = functools.partial(self._samples, found, wait, turn)
-                yield Option(duration, make, self.opens, (which, place, number), speed)
+                family = which, place, number
+                yield Option(duration, make, self.opens, family, speed, family)
                 if turn == fastest.ticks:
                     break
 
@@ -128,13 +154,17 @@ class _Entrance:
         return Samples(*rows)
 
     def raised(self) -> Iterator[Option]:
-        """Motions to rest at the swing's start, or by a raised pose, joining the swing at its start
-        or in its middle."""
+        """Motions to rest at the swing's start, or by a raised pose or two lifted ones, joining the
+        swing at its start or in its middle."""
         for slow in direct(self.one.space, self.pick, state_at(self._throw, 0)):
-            yield option_of((slow,), self.one.free)
+            yield option_of((slow,), DIRECT, self.one.free)
         for k in (0, self.opens // 2):
-            for parts in by_raised(self.one.space, self.pick, state_at(self._throw, k)):
-                yield option_of(parts, self.one.free - k, k)
+            ends, after = (self.one.space, self.pick, state_at(self._throw, k)), self.one.free - k
+            for parts in by_raised(*ends):
+                yield option_of(parts, (*RAISED, k), after, k)
+            for number, height in enumerate(LIFTS):
+                for parts in turned_above(*ends, self._throw.q[0], height):
+                    yield option_of(parts, (*LIFTED, k, number), after, k)
 
 
 def _stretched(swing: Samples, speed: float, end: int) -> Samples | None:

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
+import operator
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ...models import Array
 from ...problems import Jobs
-from ..throw import State
-from .connections import Connection, CycleThrow, at_rest, leave_connection, rest_connection
+from ..clearance import SpatialScene
+from ..throw import Samples, State
+from .connections import (
+    Connection,
+    CycleThrow,
+    at_rest,
+    leave_connection,
+    rest_connection,
+)
 from .cycle import UnsolvedError
 from .entrance import enter_connection
-from .order import Times, best_order
+from .order import Passing, Times, best_order, best_round
+from .waiting import WaitingObjects
 
 
 class Network:
     """Motions between all picks and throws, with their times."""
 
-    def __init__(self, jobs: Jobs, throws: Sequence[CycleThrow]) -> None:
-        self.jobs, self.throws = jobs, throws
+    def __init__(
+        self, jobs: Jobs, throws: Sequence[CycleThrow], objects: WaitingObjects | None = None
+    ) -> None:
+        self.jobs, self.throws, self._objects = jobs, throws, objects
         self.picks = [at_rest(pick.joints or ()) for pick in jobs.picks]
         self.home = None if jobs.home is None else at_rest(jobs.home)
         self._connections: dict[tuple[object, ...], Connection] = {}
@@ -30,8 +43,9 @@ class Network:
         if self.home is None:
             return None
         home, goal, space = self.home, self.picks[pick], self.throws[0].space
+        hits = self._hits(space, pick, held=False)
         return self._connection(
-            ("first", pick), lambda: rest_connection(space, home, goal, held=False)
+            ("first", pick), lambda: rest_connection(space, home, goal, *hits, held=False)
         )
 
     def enter(self, pick: int, throw: int, *, stop: bool = False) -> Connection:
@@ -41,9 +55,11 @@ class Network:
             goal = at_rest(one.samples.q[0])
             return self._connection(
                 ("enter at rest", pick, throw),
-                lambda: rest_connection(one.space, start, goal, held=True),
+                lambda: rest_connection(
+                    one.space, start, goal, *self._hits(one.space, pick, held=True), held=True
+                ),
             )
-        return self._connection(("enter", pick, throw), lambda: enter_connection(one, start))
+        return self._connection(("enter", pick, throw), lambda: self.entering(one))
 
     def leave(self, throw: int, goal: int, *, stop: bool = False) -> Connection:
         """From a throw to a pick, or to home for -1; stop: from rest after the throw's brake."""
@@ -52,9 +68,33 @@ class Network:
             start = at_rest(one.samples.q[-1])
             return self._connection(
                 ("leave at rest", throw, goal),
-                lambda: rest_connection(one.space, start, end, held=False),
+                lambda: rest_connection(
+                    one.space, start, end, *self._hits(one.space, goal, held=False), held=False
+                ),
             )
-        return self._connection(("leave", throw, goal), lambda: leave_connection(one, end))
+        return self._connection(("leave", throw, goal), lambda: self.leaving(one, goal))
+
+    def entering(self, one: CycleThrow) -> Connection:
+        """From its pick into any throw."""
+        hit, blocked = self._hits(one.space, one.pick, held=True)
+        if self._objects is not None:
+            blocked |= self._objects.hit_by_throw(one.release, one.pick)
+        return enter_connection(one, self.picks[one.pick], hit, blocked)
+
+    def leaving(self, one: CycleThrow, goal: int) -> Connection:
+        """From any throw to a pick, or to home for -1."""
+        return leave_connection(one, self.end(goal), *self._hits(one.space, goal, held=False))
+
+    def _hits(
+        self, space: SpatialScene, pick: int, *, held: bool
+    ) -> tuple[Callable[[Samples], int], int]:
+        """The picks whose objects a motion from or to a pick hits, and whose objects the hand hits
+        as it takes that pick's object."""
+        objects = self._objects
+        if objects is None:
+            return lambda samples: 0, 0
+        blocked = objects.hit_at_pick(pick) if pick >= 0 else 0
+        return lambda samples: objects.hit(space, samples, pick, held=held), blocked
 
     def end(self, goal: int) -> State:
         """A pick at rest, or home for -1."""
@@ -67,24 +107,31 @@ class Network:
             self._connections[key] = make()
         return self._connections[key]
 
-    def _times(self, begin: int) -> Times:
+    def _times(self) -> Times:
         """Times of all motions: of the fastest one of each that is not refused, judged or not."""
         picks, throws = range(len(self.picks)), range(len(self.throws))
         waits = np.array([pick.grasp_time for pick in self.jobs.picks])
         enter: Array = np.full((len(picks), len(throws)), np.inf)
-        for p in picks:
-            for c in throws:
-                if self.throws[c].pick == p:
-                    enter[p, c] = self.enter(p, c).time
-        leave = np.array([[self.leave(c, p).time for p in picks] for c in throws]) + waits
-        connections = [self.first(p) for p in picks]
-        first = (
-            np.array([0.0 if connection is None else connection.time for connection in connections])
-            + waits
-        )
-        end = -1 if self.home is not None else begin
-        last = np.array([self.leave(c, end).time for c in throws])
-        return Times(first, enter, leave, last)
+        passing = dict[int, list[Passing]](), dict[int, list[Passing]]()
+        for c, one in enumerate(self.throws):
+            way = self.enter(one.pick, c)
+            enter[one.pick, c] = way.time()
+            if way.hits:
+                passing[0].setdefault(one.pick, []).append((c, way.time, 0.0))
+        leave: Array = np.empty((len(throws), len(picks)))
+        for c, p in itertools.product(throws, picks):
+            way = self.leave(c, p)
+            leave[c, p] = way.time() + waits[p]
+            if way.hits:
+                passing[1].setdefault(p, []).append((c, way.time, float(waits[p])))
+        ways, all_picks = [self.first(p) for p in picks], (1 << len(picks)) - 1
+        first = [
+            0.0 if way is None else way.time(all_picks & ~(1 << p)) for p, way in enumerate(ways)
+        ]
+        last = leave[:, 0] - waits[0]
+        if self.home is not None:
+            last = np.array([self.leave(c, -1).time() for c in throws])
+        return Times(np.array(first) + waits, enter, leave, last, *passing)
 
     def fastest(self) -> tuple[list[int], list[int]]:
         """Picks and throws of the fastest order whose motions are all allowed.
@@ -92,39 +139,47 @@ class Network:
         Motions are judged only where the fastest order uses them. Raises UnsolvedError without one.
         """
         given = list(range(len(self.picks))) if self.jobs.order == "given" else None
-        begin = 0 if self.home is None else None
         while True:
-            times = self._times(0)
+            times = self._times()
             if given is not None:
-                total, chosen = times.least_time(given)
                 order = given
+                total, chosen = times.least_time(given)
+            elif self.home is None:
+                total, order, chosen = best_round(times)
             else:
-                total, order, chosen = best_order(times, begin)
+                total, order, chosen = best_order(times)
             if not math.isfinite(total):
                 raise UnsolvedError(self._why())
-            stay = [connection.settle() for connection in self.connections(order, chosen)]
+            stay = [way.settle(waiting) for way, waiting in self.connections(order, chosen)]
             if all(stay):
                 return order, chosen
 
     def connections(
         self, order: Sequence[int], chosen: Sequence[int], *, stop: bool = False
-    ) -> list[Connection]:
-        """The motions of an order, in turn: from home, then into and out of each throw."""
-        first = self.first(order[0])
-        found = [] if first is None else [first]
+    ) -> list[tuple[Connection, int]]:
+        """The motions of an order, in turn: from home, then into and out of each throw. Each with
+        the picks whose objects wait meanwhile, but the one that the hand comes for."""
+        first, waiting = self.first(order[0]), sum(1 << pick for pick in order[1:])
+        found = [] if first is None else [(first, waiting)]
         ends = [*order[1:], -1 if self.home is not None else order[0]]
         for pick, throw, end in zip(order, chosen, ends, strict=True):
-            found += [self.enter(pick, throw, stop=stop), self.leave(throw, end, stop=stop)]
+            found.append((self.enter(pick, throw, stop=stop), waiting))
+            waiting &= ~(1 << end) if end >= 0 else 0
+            found.append((self.leave(throw, end, stop=stop), waiting))
         return found
 
     def with_stops(self, order: Sequence[int], chosen: Sequence[int]) -> float:
-        """Time [s] of the same throws one after another, each from rest to rest."""
-        connections = self.connections(order, chosen, stop=True)
-        for connection in connections:
-            connection.settle()
+        """Time [s] of the same throws one after another, each from rest to rest; where waiting
+        objects let no such motion pass, as if they were not there."""
+        motions = 0.0
+        for connection, waiting in self.connections(order, chosen, stop=True):
+            connection.settle(waiting)
+            if connection.best(waiting) is None:
+                connection.settle()
+            motions += connection.time(0 if connection.best(waiting) is None else waiting)
         swings = sum(float(self.throws[c].throw.samples.times[-1]) for c in chosen)
         waits = sum(pick.grasp_time for pick in self.jobs.picks)
-        return sum(connection.time for connection in connections) + swings + waits
+        return motions + swings + waits
 
     def _why(self) -> str:
         """Why there is no order: the first pick that cannot be thrown or reached."""
@@ -132,20 +187,26 @@ class Network:
         for p, pick in enumerate(self.jobs.picks):
             own = [c for c in numbers if self.throws[c].pick == p]
             ways = [self.enter(p, c) for c in own]
-            if all(connection.best is None for connection in ways):
+            if all(connection.best() is None for connection in ways):
                 return f"{pick.name}: no motion from the pick into a throw: {_words(ways)}"
             # The way back from its own throw to a pick is used if there is no other.
             back = [self.leave(c, p) for c in numbers if c not in own or len(own) == len(numbers)]
             is_end = self.home is None or len(self.jobs.picks) > 1
-            if is_end and all(connection.best is None for connection in back):
+            if is_end and all(connection.best() is None for connection in back):
                 return f"{pick.name}: no motion from a throw to the pick: {_words(back)}"
-            refused += (each for each in (*ways, *back) if each.best is None)
+            refused += (each for each in (*ways, *back) if each.best() is None)
         if self.home is not None:
             ends = [self.leave(c, -1) for c in numbers]
-            if all(connection.best is None for connection in ends):
+            if all(connection.best() is None for connection in ends):
                 return f"no motion from a throw to home: {_words(ends)}"
-            refused += (each for each in ends if each.best is None)
-        return f"no order of the picks joins all motions: {_words(refused)}"
+            refused += (each for each in ends if each.best() is None)
+        hits = functools.reduce(operator.or_, (way.hits for way in self._connections.values()), 0)
+        names = [pick.name for p, pick in enumerate(self.jobs.picks) if hits >> p & 1]
+        if names:
+            words = f"objects that wait at their picks are in the way: {', '.join(names)}"
+        else:
+            words = _words(refused)
+        return f"no order of the picks joins all motions: {words}"
 
 
 def _words(connections: Sequence[Connection]) -> str:

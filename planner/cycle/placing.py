@@ -225,7 +225,11 @@ class _Way(Connection):
         self._best: Option | None = Option(self._least(self._ways[0]), lambda: NO_SAMPLES)
 
     @property
-    def best(self) -> Option | None:
+    def hits(self) -> int:
+        """Waiting objects are left out here."""
+        return 0
+
+    def best(self, waiting: int = 0) -> Option | None:
         """The motion; before it is judged, its time by the limits of the joints only."""
         return self._best
 
@@ -237,13 +241,17 @@ class _Way(Connection):
         ticks = [math.inf if each is None else each.ticks for each in found]
         return TICK * sum(ticks)
 
-    def settle(self) -> bool:
+    def time(self, waiting: int = 0) -> float:
+        """Its duration [s]; infinite if all are refused."""
+        return math.inf if self._best is None else self._best.duration
+
+    def settle(self, waiting: int = 0) -> bool:
         """Judge, if that is not done; returns whether the time stays."""
         if self._is_judged:
             return True
-        before, self._best, self._is_judged = self.time, None, True
+        before, self._best, self._is_judged = self.time(), None, True
         for way in self._ways:
-            if self._least(way) >= self.time:
+            if self._least(way) >= self.time():
                 break
             try:
                 parts = [
@@ -255,9 +263,9 @@ class _Way(Connection):
                 continue
             samples = joined(parts)
             time = TICK * (len(samples.q) - 1)
-            if time < self.time:
+            if time < self.time():
                 self._best = Option(time, functools.partial(lambda known: known, samples))
-        return self.time == before
+        return self.time() == before
 
 
 class _PlacingNetwork(Network):
@@ -297,9 +305,9 @@ def _sequence(
 ) -> Placing:
     """All motions one after another."""
     ways = [
-        connection.best.samples
-        for connection in network.connections(order, chosen)
-        if connection.best is not None
+        best.samples
+        for connection, _ in network.connections(order, chosen)
+        if (best := connection.best()) is not None
     ]
     parts = [ways.pop(0)] if len(ways) % 2 else []
     tick = sum(len(part.q) - 1 for part in parts)

@@ -20,6 +20,7 @@ from .inverse_kinematics import HandPose, throwing_pose
 from .network import Network
 from .order import EXACT
 from .sequence import sequence
+from .waiting import WaitingObjects
 
 #: Time [s] for each throw that is planned.
 PATIENCE = 3.0
@@ -45,13 +46,14 @@ def plan_cycle(
         raise InputError(f"patience = {patience:g}: must be above 0")
     say = progress or (lambda words: None)
     jobs = with_joints(jobs)
+    objects = WaitingObjects(jobs) if len(jobs.picks) > 1 else None
     throws = _Throws(jobs, patience, say)
     planned = time.perf_counter() - started
     if throws.trouble:
         spent = {"throws": planned, "total": planned}
         return Cycle(jobs.name, refused=throws.trouble, time=spent)
     say(f"{jobs.name}: finding the order")
-    network = Network(jobs, throws.found)
+    network = Network(jobs, throws.found, objects)
     try:
         order, chosen = network.fastest()
         say(f"{jobs.name}: joining the motions")

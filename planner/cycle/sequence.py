@@ -7,10 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from ...problems import Jobs
-from ..throw import TICK, Samples, State
-from .connections import Connection, CycleThrow, Option, joined, leave_connection, still
+from ..throw import TICK, Samples
+from .connections import Connection, CycleThrow, Option, joined, still
 from .cycle import Cycle, CycleStep, UnsolvedError
-from .entrance import enter_connection
 
 if TYPE_CHECKING:
     from .network import Network
@@ -35,8 +34,7 @@ def sequence(
     met.
     """
     connections = network.connections(order, chosen)
-    first = connections.pop(0) if len(connections) % 2 else None
-    parts = [] if first is None else [_best(first).samples]
+    parts = [_best(*connections.pop(0)).samples] if len(connections) % 2 else []
     tick, steps = sum(len(part.q) - 1 for part in parts), list[CycleStep]()
     ends = [*order[1:], -1 if network.home is not None else order[0]]
     for n, (number, end) in enumerate(zip(order, ends, strict=True)):
@@ -46,50 +44,53 @@ def sequence(
         target = jobs.scene_of(pick, jobs.bin(one.bin)).target
         assert target is not None
         if not target.at_rest:
-            one, enter, wait = _meet(one, state, held, again)
-            leave = leave_connection(one, network.end(end))
-            leave.settle()
-        way = _best(enter)
+            one, enter, wait = _meet(network, one, enter[1], held, again)
+            leave = network.leaving(one, end), leave[1]
+            leave[0].settle(leave[1])
+        way, back = _best(*enter), _best(*leave)
         reach, held = tick, held + wait
         join = held + len(way.samples.q) - 1
         swing = slice(way.join, one.free + 1)
         thrown = Samples(*(v[swing] for v in (one.samples.q, one.samples.dq, one.samples.ddq)))
-        parts += [still(state, held - tick), way.samples, thrown, _best(leave).samples]
+        parts += [still(state, held - tick), way.samples, thrown, back.samples]
         origin = TICK * (join - way.join)
         scene = one.throw.scene.aimed_at(target.at(origin + one.throw.landing_time))
         opening = origin + one.throw.opening_time
         free = join + one.free - way.join
         names = pick.name, one.bin
         steps.append(CycleStep(*names, scene, reach, held, join, free, opening))
-        tick = free + len(_best(leave).samples.q) - 1
+        tick = free + len(back.samples.q) - 1
     return Cycle(jobs.name, tuple(steps), joined(parts))
 
 
-def _best(connection: Connection) -> Option:
-    if connection.best is None:
+def _best(connection: Connection, waiting: int) -> Option:
+    best = connection.best(waiting)
+    if best is None:
         raise UnsolvedError(f"a motion to meet a moving bin: {connection.trouble}")
-    return connection.best
+    return best
 
 
 def _meet(
+    network: Network,
     one: CycleThrow,
-    pick: State,
+    waiting: int,
     held: int,
     again: Callable[[CycleThrow, float], CycleThrow | None],
-) -> tuple[CycleThrow, Connection, int]:
-    """A throw that meets its moving bin, the motion into it, and how many samples it waits.
+) -> tuple[CycleThrow, tuple[Connection, int], int]:
+    """A throw that meets its moving bin, the motion into it with the picks that wait meanwhile, and
+    how many samples it waits.
 
     held: sample of the cycle at which the hand holds the object.
     """
     aim = -math.inf
     for _ in range(MEETINGS):
-        connection = enter_connection(one, pick)
-        connection.settle()
-        way = _best(connection)
+        connection = network.entering(one)
+        connection.settle(waiting)
+        way = _best(connection, waiting)
         begins = held + len(way.samples.q) - 1 - way.join
         wait = round((aim - TICK * begins - one.throw.landing_time) / TICK) if aim > 0 else -1
         if wait >= 0:
-            return one, connection, wait
+            return one, (connection, waiting), wait
         aim = TICK * begins + one.throw.landing_time + SLACK
         found = again(one, aim)
         if found is None:

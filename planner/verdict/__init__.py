@@ -8,7 +8,13 @@ from .calibrated import CalibratedLanding, calibrated_landing, region_words
 from .carry import grip_use
 from .delays import FURTHEST, DelayScan, DelayTolerance, scan_delays, with_delays
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
-from .in_space import first_finding, flight_findings, flight_gaps, motion_verdict
+from .in_space import (
+    first_finding,
+    flight_findings,
+    flight_gaps,
+    motion_verdict,
+    obstacles_hit,
+)
 from .landing import lands_well
 from .resting import Entries, RestCount, count_rests
 from .single import FLYING, collision, held_verdict, outside_tolerance, verdict

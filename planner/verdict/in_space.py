@@ -152,13 +152,24 @@ def _column(motion: _SpatialMotion) -> Iterator[Finding]:
 
 
 def _collisions(space: SpatialScene, samples: Samples, held: bool) -> Iterator[Finding]:
-    """Bodies too near to each other.
+    """Bodies too near to each other."""
+    yield from map(collision, _clearances(space, samples, held))
+
+
+def obstacles_hit(space: SpatialScene, samples: Samples, *, held: bool) -> frozenset[str]:
+    """Names of the scene's obstacles that a motion comes too near to; see `motion_verdict`."""
+    things = (pair.thing for pair in _clearances(space, samples, held))
+    return frozenset(thing.name for thing in things if thing is not None and thing.bar)
+
+
+def _clearances(space: SpatialScene, samples: Samples, held: bool) -> list[Clearance]:
+    """Pairs of bodies too near to each other.
 
     The core takes off half the way between two instants, so what few instants do not clear, all
     samples decide.
     """
     if len(samples.q) < 2 or (space.manipulator.capsules is None and not space.scene.obstacle):
-        return
+        return []
     pairs = list[Clearance]()
     for step in (PLACES, 1):
         rows = np.unique(np.append(np.arange(0, len(samples.q), step), len(samples.q) - 1))
@@ -167,7 +178,7 @@ def _collisions(space: SpatialScene, samples: Samples, held: bool) -> Iterator[F
         pairs = space.around.clearances(space.bodies(q, TICK * rows, bar))
         if not pairs:
             break
-    yield from map(collision, pairs)
+    return pairs
 
 
 def flight_gaps(space: SpatialScene, throw: Throw, samples: Samples, begins: float) -> Array:

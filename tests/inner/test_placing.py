@@ -96,7 +96,8 @@ def test_the_object_is_where_its_bin_is(jobs: Jobs, placed: Placing) -> None:
 def test_nothing_stops_above_the_bin(jobs: Jobs, placed: Placing) -> None:
     """The hand moves from the pick to the place and on to the next pick, down into the bin."""
     space = space_of(jobs, 0, "near")
-    ends = [begin - 300 for begin, _ in placed.carried[1:]] + [len(placed.samples.q) - 1]
+    grasp = round(jobs.picks[1].grasp_time / TICK)
+    ends = [begin - grasp for begin, _ in placed.carried[1:]] + [len(placed.samples.q) - 1]
     for (begin, end), after in zip(placed.carried, ends, strict=True):
         for first, last in ((begin, end), (end + 50, after)):
             moving = np.abs(placed.samples.dq[first + 20 : last - 20]).max(axis=1)

@@ -1,0 +1,119 @@
+"""Objects that wait at their picks: obstacles of all motions until they are grasped."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from ...models import Array
+from ...models.robot import segment_distance
+from ...problems import InputError, Jobs, Obstacle, Scene
+from ..clearance import SpatialScene, bar_radii, contacts
+from ..throw import Samples, Throw, make_manipulator
+from ..verdict import obstacles_hit
+
+#: Length [m] of a capsule that is a ball.
+BALL = 1e-9
+
+
+def waiting_object(space: SpatialScene, joints: Array, name: str) -> tuple[Obstacle, ...]:
+    """The capsules of a scene's object at its pick, where the hand takes it with joints (n,)."""
+    q = joints[None]
+    ends = space.held_ends(space.spatial.pads(q, 0 * q, 0 * q))[..., 0]
+    found = list[Obstacle]()
+    for (begin, end), radius in zip(ends, bar_radii(space.scene.object), strict=True):
+        way = end - begin
+        found.append(
+            Obstacle(
+                name=f"{name} at its pick",
+                kind="capsule",
+                size=(radius, max(float(np.linalg.norm(way)), BALL)),
+                position=tuple(((begin + end) / 2).tolist()),
+                yaw=math.atan2(way[1], way[0]),
+                pitch=math.atan2(math.hypot(way[0], way[1]), way[2]),
+            )
+        )
+    return tuple(found)
+
+
+def among(space: SpatialScene, obstacles: Sequence[Obstacle]) -> SpatialScene:
+    """A scene with more obstacles."""
+    if not obstacles:
+        return space
+    scene = space.scene.replace(obstacle=(*space.scene.obstacle, *obstacles))
+    return SpatialScene(scene, space.manipulator)
+
+
+def in_scene(throw: Throw, scene: Scene) -> Throw:
+    """A throw in a scene with other obstacles."""
+    if scene is throw.scene:
+        return throw
+    return dataclasses.replace(throw, scene=scene, known_release=throw.release)
+
+
+class WaitingObjects:
+    """The objects of all picks as they wait. Sets of picks are numbers: 1 << k has pick k.
+
+    InputError for two that overlap.
+    """
+
+    def __init__(self, jobs: Jobs) -> None:
+        scenes = [jobs.scene_of(pick, jobs.bins_of(pick)[0]) for pick in jobs.picks]
+        self._spaces = [SpatialScene(scene, make_manipulator(scene)) for scene in scenes]
+        self._joints = [np.array(pick.joints) for pick in jobs.picks]
+        each = zip(self._spaces, self._joints, jobs.picks, strict=True)
+        self._objects = [waiting_object(space, q, pick.name) for space, q, pick in each]
+        self._refuse_overlaps(jobs)
+
+    def _refuse_overlaps(self, jobs: Jobs) -> None:
+        pairs = itertools.combinations(range(len(self._objects)), 2)
+        for one, other in pairs:
+            for a, b in itertools.product(self._objects[one], self._objects[other]):
+                gap = segment_distance(*_ends(a), *_ends(b))[0] - a.size[0] - b.size[0]
+                if gap < 0.0:
+                    names = (f"pick {k + 1} ({jobs.picks[k].name})" for k in (one, other))
+                    raise InputError(
+                        f"{jobs.name}: {' and '.join(names)}: their objects overlap by "
+                        f"{-1e3 * gap:.0f} mm as they wait: move one of them"
+                    )
+
+    def hit(self, space: SpatialScene, samples: Samples, pick: int, *, held: bool) -> int:
+        """The picks whose objects a motion of all joints comes too near to; pick: one that it may,
+        for the hand comes to it or holds its object (-1: none)."""
+        return self._picks(obstacles_hit(self._among(space, pick), samples, held=held))
+
+    def hit_at_pick(self, pick: int) -> int:
+        """The picks whose objects the hand comes too near to as it takes that of one."""
+        q = np.tile(self._joints[pick], (2, 1))
+        return self.hit(self._spaces[pick], Samples(q, 0 * q, 0 * q), pick, held=True)
+
+    def hit_by_throw(self, throw: Throw, pick: int) -> int:
+        """The picks whose objects a throw of one comes too near to: the arm, and the object in the
+        hand and in flight."""
+        scene = throw.scene.replace(obstacle=self._besides(pick))
+        things = (pair.thing for pair in contacts(in_scene(throw, scene)))
+        return self._picks({thing.name for thing in things if thing is not None and thing.bar})
+
+    def _picks(self, names: Collection[str]) -> int:
+        return sum(1 << k for k, own in enumerate(self._objects) if own[0].name in names)
+
+    def _besides(self, pick: int) -> tuple[Obstacle, ...]:
+        """The waiting objects but one."""
+        others = (own for k, own in enumerate(self._objects) if k != pick)
+        return tuple(itertools.chain(*others))
+
+    def _among(self, space: SpatialScene, pick: int) -> SpatialScene:
+        """The arm and its object among the others, without what else is around."""
+        scene = space.scene.replace(obstacle=self._besides(pick))
+        return SpatialScene(scene, space.manipulator)
+
+
+def _ends(capsule: Obstacle) -> tuple[Array, Array]:
+    """Both ends (1, 3) of its axis."""
+    solid = capsule.solid
+    half = solid.half @ solid.axes
+    return (solid.centre - half)[None], (solid.centre + half)[None]
