@@ -14,11 +14,12 @@ import numpy as np
 
 from ...models import Array, Trajectory
 from ...problems import Scene
-from .assembly import Nlp, Shared, assemble
+from .assembly import Nlp, assemble
 from .problem import ThrowProblem, Weights, variable_bounds
 from .request import Request, opening_nodes
 from .scene_constraint import BRAKE_SHARE, SceneConstraint
 from .solver import Solution
+from .stage_functions import Shared
 from .stages import JERK_UNIT, Block, Structure
 from .terms import TERMS
 from .transcription import UNITS, Ocp, grip_instants

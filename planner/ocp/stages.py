@@ -191,7 +191,8 @@ class Row:
 
 @dataclass(kw_only=True)
 class Constraints:
-    """Constraints and the intermediate values in them, each with its symbol, see `assembly`."""
+    """Constraints and the intermediate values in them, each with its symbol, see
+    `stage_functions`."""
 
     lifted: list[tuple[ca.SX, ca.SX]] = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
