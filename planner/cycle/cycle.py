@@ -163,7 +163,7 @@ class Cycle(ReadOnly):
                 found.setdefault(finding.words, []).append(step.pick)
         return tuple(f"{', '.join(names)}: {words}" for words, names in found.items())
 
-    def waiting(self, number: int) -> tuple[Obstacle, ...]:
+    def _waiting(self, number: int) -> tuple[Obstacle, ...]:
         """The objects of a step and of all later ones at their picks, as obstacles."""
         found = (
             waiting_object(step.space, self.samples.q[step.held], step.pick)
@@ -180,7 +180,7 @@ class Cycle(ReadOnly):
         empty_from, last = 0, len(self.samples.q) - 1
         for number, (step, throw) in enumerate(zip(self.steps, self.throws, strict=True)):
             # The hand may touch the object that it comes for, and later ones wait.
-            space = among(step.space, self.waiting(number + 1))
+            space = among(step.space, self._waiting(number + 1))
             # With an empty hand until the object is held, with the object until the pads open.
             opens = math.floor(step.opening_time / TICK)
             for begin, end, held in ((empty_from, step.held, False), (step.held, opens, True)):
