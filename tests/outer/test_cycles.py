@@ -194,6 +194,7 @@ def test_the_judge_sees_an_object_at_its_pick(cycled: Path, tmp_path: Path) -> N
     assert f"{first.pick} as it is carried, {second.pick} at its pick: -" in words
 
 
+@pytest.mark.slow
 def test_an_object_in_the_direct_way_is_gone_round(tmp_path: Path) -> None:
     """The motion that one takes alone hits another that waits, by verdict and in MuJoCo."""
     file, parts = tmp_path / "jobs.toml", IN_THE_WAY.split("[[pick]]")
