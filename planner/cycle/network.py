@@ -42,36 +42,24 @@ class Network:
         """From home to a pick; None where the cycle begins at a pick."""
         if self.home is None:
             return None
-        home, goal, space = self.home, self.picks[pick], self.throws[0].space
-        hits = self._hits(space, pick, held=False)
-        return self._connection(
-            ("first", pick), lambda: rest_connection(space, home, goal, *hits, held=False)
+        return self._from_rest(
+            ("first", pick), self.throws[0].space, self.home, self.picks[pick], pick, held=False
         )
 
     def enter(self, pick: int, throw: int, *, stop: bool = False) -> Connection:
         """From a pick into a throw; stop: to rest at the throw's start."""
         one, start = self.throws[throw], self.picks[pick]
         if stop:
-            goal = at_rest(one.samples.q[0])
-            return self._connection(
-                ("enter at rest", pick, throw),
-                lambda: rest_connection(
-                    one.space, start, goal, *self._hits(one.space, pick, held=True), held=True
-                ),
-            )
+            goal, key = at_rest(one.samples.q[0]), ("enter at rest", pick, throw)
+            return self._from_rest(key, one.space, start, goal, pick, held=True)
         return self._connection(("enter", pick, throw), lambda: self.entering(one))
 
     def leave(self, throw: int, goal: int, *, stop: bool = False) -> Connection:
         """From a throw to a pick, or to home for -1; stop: from rest after the throw's brake."""
         one, end = self.throws[throw], self.end(goal)
         if stop:
-            start = at_rest(one.samples.q[-1])
-            return self._connection(
-                ("leave at rest", throw, goal),
-                lambda: rest_connection(
-                    one.space, start, end, *self._hits(one.space, goal, held=False), held=False
-                ),
-            )
+            start, key = at_rest(one.samples.q[-1]), ("leave at rest", throw, goal)
+            return self._from_rest(key, one.space, start, end, goal, held=False)
         return self._connection(("leave", throw, goal), lambda: self.leaving(one, goal))
 
     def entering(self, one: CycleThrow) -> Connection:
@@ -93,7 +81,7 @@ class Network:
         objects = self._objects
         if objects is None:
             return lambda samples: 0, 0
-        blocked = objects.hit_at_pick(pick) if pick >= 0 else 0
+        blocked = objects.hit_at_picks[pick] if pick >= 0 else 0
         return lambda samples: objects.hit(space, samples, pick, held=held), blocked
 
     def end(self, goal: int) -> State:
@@ -101,6 +89,24 @@ class Network:
         found = self.picks[goal] if goal >= 0 else self.home
         assert found is not None
         return found
+
+    def _from_rest(
+        self,
+        key: tuple[object, ...],
+        space: SpatialScene,
+        start: State,
+        end: State,
+        pick: int,
+        *,
+        held: bool,
+    ) -> Connection:
+        """From rest to rest, from or to a pick."""
+
+        def make() -> Connection:
+            hits = self._hits(space, pick, held=held)
+            return rest_connection(space, start, end, *hits, held=held)
+
+        return self._connection(key, make)
 
     def _connection(self, key: tuple[object, ...], make: Callable[[], Connection]) -> Connection:
         if key not in self._connections:

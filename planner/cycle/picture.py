@@ -86,5 +86,5 @@ def _draw_floor(axes: Axes, cycle: Cycle) -> None:
         axes.annotate(name, place, xytext=(5, 5), textcoords="offset points", size=7)
     axes.plot(0.0, 0.0, "^", color=BLACK, ms=8, zorder=4)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    axes.margins(0.12)
+    axes.margins(0.2, 0.12)
     axes.grid(alpha=0.3, lw=0.6, zorder=0)

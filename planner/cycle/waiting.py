@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Collection, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -86,10 +87,14 @@ class WaitingObjects:
         for the hand comes to it or holds its object (-1: none)."""
         return self._picks(obstacles_hit(self._among(space, pick), samples, held=held))
 
-    def hit_at_pick(self, pick: int) -> int:
-        """The picks whose objects the hand comes too near to as it takes that of one."""
-        q = np.tile(self._joints[pick], (2, 1))
-        return self.hit(self._spaces[pick], Samples(q, 0 * q, 0 * q), pick, held=True)
+    @cached_property
+    def hit_at_picks(self) -> list[int]:
+        """For each pick those whose objects the hand comes too near to as it takes its own."""
+        found = list[int]()
+        for pick, (space, joints) in enumerate(zip(self._spaces, self._joints, strict=True)):
+            q = np.tile(joints, (2, 1))
+            found.append(self.hit(space, Samples(q, 0 * q, 0 * q), pick, held=True))
+        return found
 
     def hit_by_throw(self, throw: Throw, pick: int) -> int:
         """The picks whose objects a throw of one comes too near to: the arm, and the object in the

@@ -33,7 +33,8 @@ class Barrier:
     max_iterations: int
 
 
-#: Barrier of a start from a guess; guesses are good, so it is small.
+#: Barrier of a start from a guess; guesses are good, so it is small. IPOPT takes 160
+#: iterations at most for nearly all that it solves.
 COLD = {"fatrop": Barrier(0.01, 100), "ipopt": Barrier(0.01, 200)}
 #: Barrier of a start from the solution for a close target; FATROP's median is 3 iterations.
 WARM = {"fatrop": Barrier(1e-8, 12), "ipopt": Barrier(1e-5, 500)}

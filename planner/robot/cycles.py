@@ -182,8 +182,6 @@ def _object_replay(
     return ObjectReplay(
         throw,
         landing,
-        throw.sliding_pivot.landing.pose,
-        throw.limit_surface.landing.pose,
         times,
         com,
         tuple(touched),

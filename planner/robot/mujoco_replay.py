@@ -63,7 +63,7 @@ class Replay(ReadOnly):
     """A throw by MuJoCo. Positions in the throw's plane, m; angles in rad.
 
     landing: x, z, theta as the CoM falls through the target's height without collisions, NaN if it
-    does not; sp, limit_surface: the same by the models. times (K,) [s] on the motion's clock, 1 ms
+    does not. times (K,) [s] on the motion's clock, 1 ms
     apart from the opening on, and com (3, K): x, z, theta among cup, obstacles, hand and base
     column, until the bar rests (without a cup: until landing). touched: bodies that the bar hit, in
     order; rest: None without a cup; restitution: of collisions; simulated, run [s]: simulated time
@@ -72,8 +72,6 @@ class Replay(ReadOnly):
 
     throw: Throw
     landing: tuple[float, float, float]
-    sp: tuple[float, float, float]
-    limit_surface: tuple[float, float, float]
     times: Array
     com: Array
     touched: tuple[str, ...]
@@ -86,6 +84,16 @@ class Replay(ReadOnly):
         """One line instead of the arrays."""
         x, z, theta = self.landing
         return f"Replay(landing x {x:.4f} m, z {z:.4f} m, theta {math.degrees(theta):.2f} deg)"
+
+    @property
+    def sp(self) -> tuple[float, float, float]:
+        """The landing by the sliding pivot."""
+        return self.throw.sliding_pivot.landing.pose
+
+    @property
+    def limit_surface(self) -> tuple[float, float, float]:
+        """The landing by the limit surface."""
+        return self.throw.limit_surface.landing.pose
 
     @property
     def inside(self) -> bool:
@@ -252,8 +260,6 @@ def replay(
     return Replay(
         throw,
         landing,
-        throw.sliding_pivot.landing.pose,
-        throw.limit_surface.landing.pose,
         times,
         com,
         flown.touched,

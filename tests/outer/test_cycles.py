@@ -24,18 +24,7 @@ from throwplan.problems import Calibration, jobs_names, load_jobs
 from oracle import broken_limits
 
 #: Between a part and the plane of its throw stands another one, higher, that comes next.
-IN_THE_WAY = """
-scene = "pose"
-order = "given"
-[[bin]]
-name = "bin"
-target = { x = 1.0, y = 0.3, z = 0.2, theta_deg = -90.0 }
-[[pick]]
-name = "part"
-x = 0.45
-y = -0.2
-z = 0.35
-[[pick]]
+IN_THE_WAY = f"""order = "given"{ONE.replace("y = 0.1", "y = -0.2")}[[pick]]
 name = "other part"
 x = 0.55
 y = -0.05
