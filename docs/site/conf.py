@@ -27,6 +27,7 @@ extensions = ["myst_nb", "sphinx.ext.autodoc"]
 
 html_theme = "furo"
 html_title = "throwplan"
+html_favicon = "icon.svg"
 html_copy_source = False
 html_static_path = ["style.css"]
 html_css_files = ["style.css"]
