@@ -11,7 +11,7 @@ It reads scenes as data and a plan's files (plan.json, motion.csv), and nothing 
 """
 
 from .clearance import Found
-from .cycles import broken_limits
+from .cycles import broken_limits, gap_to_waiting
 from .files import oracle_of, read_oracle, read_rows
 from .judge import Oracle
 from .release import STEPS

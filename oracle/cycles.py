@@ -90,15 +90,40 @@ class Carried:
 
 def broken_limits(folder: Path) -> list[str]:
     """What a saved cycle breaks."""
+    judge, closed = _read(folder)
+    found = *judge.joints(), *judge.itself(), *judge.parts(), *judge.waiting()
+    return [*found, *judge.gripper(closed)]
+
+
+def gap_to_waiting(folder: Path, number: int, q: Array) -> float:
+    """Least distance [m] of the arm with joints q (K, joints), and of the object of a saved cycle's
+    step in its hand, from the objects of later steps at their picks; infinite without these."""
+    judge, _ = _read(folder)
+    frames, arm = frames_of(judge.arm, q, 0 * q, 0 * q), judge.arm
+    parts = [
+        (*(frames[c.link].point(end)[0] for end in (c.begin, c.end)), c.radius + arm.cover)
+        for c in arm.capsules
+        if c.link > 1
+    ]
+    own = Carried.of(judge.scenes[number]).placed(frames[-1])
+    parts += [(*ends, radius) for ends, radius in own]
+    others = [each for k in range(number + 1, len(judge.steps)) for each in judge.at_pick(k)]
+    gaps = (
+        shapes.between_segments(begin, end, *ends).min() - size - radius
+        for (begin, end, size), (ends, radius) in itertools.product(parts, others)
+    )
+    return min(gaps, default=math.inf)
+
+
+def _read(folder: Path) -> tuple[_CycleJudge, Array]:
+    """The judge of a saved cycle, and where the gripper is closed."""
     cycle = json.loads((folder / "cycle.json").read_text(encoding="utf-8"))
     columns, arm = columns_of(folder / "motion.csv"), cycle["arm"]
     steps = cycle["steps"]
     scenes = [scene_from_table({**step["definition"], "arm": arm}) for step in steps]
     joints = range(1, scenes[0].arm.joints + 1)
     kinds = (np.column_stack([columns[f"{k}{j}"] for j in joints]) for k in ("q", "dq", "ddq"))
-    judge = _CycleJudge(steps, scenes, Samples(columns["t"], *kinds))
-    found = *judge.joints(), *judge.itself(), *judge.parts(), *judge.waiting()
-    return [*found, *judge.gripper(columns["gripper"])]
+    return _CycleJudge(steps, scenes, Samples(columns["t"], *kinds)), columns["gripper"]
 
 
 class _CycleJudge:
@@ -142,12 +167,17 @@ class _CycleJudge:
                 if away < -NEAR:
                     yield f"links {one} and {other}: {away:.4f}"
 
+    def at_pick(self, k: int) -> list[tuple[tuple[Array, Array], float]]:
+        """The capsules of a step's object where the hand takes it, as of `Carried.placed`."""
+        held = self.steps[k]["samples"][1]
+        pads = _rows(self.frames[-1], slice(held, held + 1))
+        return list(Carried.of(self.scenes[k]).placed(pads))
+
     def waiting(self) -> Iterator[str]:
         """Distances from the objects at their picks: of the arm until it has thrown the one before,
         and of that and all earlier ones as they are carried and fly; after `parts`."""
-        for k, (step, scene) in enumerate(zip(self.steps, self.scenes, strict=True)):
-            held = step["samples"][1]
-            own = list(Carried.of(scene).placed(_rows(self.frames[-1], slice(held, held + 1))))
+        for k, step in enumerate(self.steps):
+            own = self.at_pick(k)
             for (begin, end), radius in own if k else ():
                 until = slice(0, math.ceil(self.steps[k - 1]["detach_time"] / TICK) + 1, EVERY)
                 for (ends, size), number in zip(self.links, self.numbers, strict=True):

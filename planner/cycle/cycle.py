@@ -163,6 +163,10 @@ class Cycle(ReadOnly):
                 found.setdefault(finding.words, []).append(step.pick)
         return tuple(f"{', '.join(names)}: {words}" for words, names in found.items())
 
+    def among_waiting(self, number: int) -> Scene:
+        """The scene of a step with the objects of all later ones at their picks, as obstacles."""
+        return among(self.steps[number].space, self._waiting(number + 1)).scene
+
     def _waiting(self, number: int) -> tuple[Obstacle, ...]:
         """The objects of a step and of all later ones at their picks, as obstacles."""
         found = (

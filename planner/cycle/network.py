@@ -160,6 +160,13 @@ class Network:
             if all(stay):
                 return order, chosen
 
+    def hitting(self) -> list[CycleThrow]:
+        """The throws into which every allowed motion hits an object that waits."""
+        ways = [self.enter(one.pick, c) for c, one in enumerate(self.throws)]
+        everything = (1 << len(self.picks)) - 1
+        each = zip(self.throws, ways, strict=True)
+        return [one for one, way in each if way.best() and way.time(everything) == math.inf]
+
     def connections(
         self, order: Sequence[int], chosen: Sequence[int], *, stop: bool = False
     ) -> list[tuple[Connection, int]]:

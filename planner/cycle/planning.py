@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ..clearance import SpatialScene
 from ..planner import Planner
 from ..result import Plan
 from ..throw import State, make_manipulator
-from .connections import CycleThrow, at_rest
+from .connections import LIFTS, CycleThrow, at_rest, lifted_pose
 from .cycle import Cycle, UnsolvedError
 from .inverse_kinematics import HandPose, throwing_pose
 from .network import Network
@@ -55,7 +55,7 @@ def plan_cycle(
     say(f"{jobs.name}: finding the order")
     network = Network(jobs, throws.found, objects)
     try:
-        order, chosen = network.fastest()
+        order, chosen = _fastest(network, throws)
         say(f"{jobs.name}: joining the motions")
         cycle = sequence(jobs, network, order, chosen, throws.again)
     except UnsolvedError as error:
@@ -67,6 +67,19 @@ def plan_cycle(
     searched = "exact" if len(jobs.picks) <= EXACT else "insertion"
     known = jobs.order if jobs.order == "given" else searched
     return dataclasses.replace(cycle, stops=stops, time=spent, order=known)
+
+
+def _fastest(network: Network, throws: _Throws) -> tuple[list[int], list[int]]:
+    """Picks and throws of the fastest order; throws from above where objects that wait allow none.
+
+    Raises UnsolvedError without one.
+    """
+    try:
+        return network.fastest()
+    except UnsolvedError:
+        if not throws.lift(network.hitting()):
+            raise
+        return network.fastest()
 
 
 def with_joints(jobs: Jobs) -> Jobs:
@@ -128,12 +141,8 @@ class _Throws:
         scenes = {one.name: self.jobs.scene_of(pick, one) for one in self.jobs.bins_of(pick)}
         reasons, count = list[str](), len(self.found)
         for name in _nearest(pick, scenes)[:MOST_BINS]:
-            target = scenes[name].target
-            assert target is not None
-            # A bin that moves is aimed at where it is in the middle of the cycle.
-            goal = target.at(CYCLE_TIME / 2 * len(self.jobs.picks))
             try:
-                plan = self._planned(scenes[name], goal, _start(pick, scenes[name]))
+                plan = self._first(scenes[name], _start(pick.joints, scenes[name]))
             except InputError as error:
                 raise error.within(f"{self.jobs.name}: bin {name!r}") from None
             if plan.solved:
@@ -142,6 +151,11 @@ class _Throws:
                 reasons.append(f"{pick.name} into {name}: {plan.message}")
         if len(self.found) == count:
             self.trouble = self.trouble or reasons[0]
+
+    def _first(self, scene: Scene, start: State) -> Plan:
+        """The throw to a bin; to one that moves, for where it is in the middle of the cycle."""
+        assert scene.target is not None
+        return self._planned(scene, scene.target.at(CYCLE_TIME / 2 * len(self.jobs.picks)), start)
 
     def _planned(self, scene: Scene, target: Pose, start: State, warm: Plan | None = None) -> Plan:
         """The throw to a target, as if that were at rest.
@@ -170,19 +184,33 @@ class _Throws:
         self._planners.append(Planner(scene, library=False))
         return self._planners[-1]
 
+    def lift(self, throws: Sequence[CycleThrow]) -> bool:
+        """Further throws that start above the pick, over objects that wait around it; whether there
+        are any."""
+        count = len(self.found)
+        for one in throws:
+            pick = self.jobs.picks[one.pick]
+            scene = self.jobs.scene_of(pick, self.jobs.bin(one.bin))
+            above = lifted_pose(one.space, np.array(pick.joints), LIFTS[0])
+            plan = self._first(scene, _start(above.q, scene))
+            if plan.solved:
+                self.found.append(CycleThrow(plan, one.pick, one.bin))
+        return len(self.found) > count
+
     def again(self, one: CycleThrow, seconds: float) -> CycleThrow | None:
         """A throw into a moving bin, for where it is `seconds` after the start of the cycle."""
         pick = self.jobs.picks[one.pick]
         scene = self.jobs.scene_of(pick, self.jobs.bin(one.bin))
         assert scene.target is not None
-        plan = self._planned(scene, scene.target.at(seconds), _start(pick, scene), one.plan)
+        start = at_rest(one.throw.samples.q[0])
+        plan = self._planned(scene, scene.target.at(seconds), start, one.plan)
         return CycleThrow(plan, one.pick, one.bin) if plan.solved else None
 
 
-def _start(pick: Pick, scene: Scene) -> State:
-    """The throwing joints at rest at a pick."""
-    assert scene.arm is not None and pick.joints is not None
-    return at_rest([pick.joints[joint - 1] for joint in scene.arm.throwing_joints])
+def _start(joints: Sequence[float] | Array | None, scene: Scene) -> State:
+    """The throwing joints at rest, of all joints."""
+    assert scene.arm is not None and joints is not None
+    return at_rest([joints[joint - 1] for joint in scene.arm.throwing_joints])
 
 
 def _nearest(pick: Pick, scenes: Mapping[str, Scene]) -> list[str]:

@@ -15,3 +15,4 @@ from .motions import JointMotion, joint_motion
 from .mujoco_replay import Replay, replay, throw_to_rest, view
 from .mujoco_throw import ReplayEnd
 from .recording import Recording, read_recording
+from .watch import find_stops

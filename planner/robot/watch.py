@@ -195,7 +195,7 @@ class Watch:
 def find_stops(motion: JointMotion) -> list[Stop]:
     """Ways to stop, from samples `STOPS` apart, as long as the gripper is watched.
 
-    Only those that meet nothing with the object in the hand.
+    Only those that meet nothing with the object in the hand, other objects at their picks included.
     """
     limits, found = joint_limits(motion.arm, range(1, motion.arm.joints + 1)), list[Stop]()
     last = motion.carries[-1]

@@ -15,12 +15,16 @@ from throwplan.planner.robot import (
     Franka,
     JointMotion,
     Recording,
+    approach,
     check_motion,
+    find_stops,
     joint_motion,
     rehearse,
     throws,
 )
 from throwplan.problems import InputError
+
+from oracle import gap_to_waiting
 
 #: Losses that are tried: the number of the object, and the time [s] after the command to grasp.
 LOSSES = (1, 0.55), (1, 0.75), (1, 0.95), (2, 0.55), (2, 0.75)
@@ -119,6 +123,25 @@ def test_an_object_lost_on_the_way_stops_the_arm_by_a_brake(motion, number, afte
     away = np.abs(recording.sent - motion.q[: len(recording.sent)]).max(axis=1)
     left = np.flatnonzero(away > 1e-9)[0]
     assert lost <= left <= lost + 15
+
+
+def test_what_waits_at_its_pick_is_in_the_way_of_the_arm(motion, cycled) -> None:
+    """Of stops that the run may take, and of the way to the start pose."""
+    first, second = motion.carries
+    assert [o.name for o in first.throw.scene.obstacle] == ["other part at its pick"]
+    assert second.throw.scene.obstacle == ()
+    for stop in find_stops(motion):
+        number = int(stop.sample > first.open.cycle)
+        assert gap_to_waiting(cycled, number, stop.q) >= 0.01
+    # The hand has passed the object on another way; a stop on it would meet it.
+    q = motion.q[second.reach]
+    assert gap_to_waiting(cycled, 0, q[None]) < 0.0
+    at_pick = np.repeat(q[None], len(motion.q), axis=0)
+    still = dataclasses.replace(motion, q=at_pick, dq=0 * at_pick, ddq=0 * at_pick)
+    assert min(stop.sample for stop in find_stops(still)) > first.open.cycle
+    with pytest.raises(InputError) as error:
+        approach(motion, q)
+    assert "is not clear: obstacle other part at its pick: " in str(error.value)
 
 
 @pytest.mark.parametrize("opens", [0, pytest.param(1, marks=pytest.mark.slow)])
