@@ -156,8 +156,9 @@ class Scene(Section):
         if name is None or self.arm is not None:
             return
         folder, gripper = Path(self.file).parent if self.file else None, self.gripper.file
-        with within(f"[{manipulator}] arm = {name!r}"):
+        with within(f"[gripper] file = {gripper!r}"):
             own = None if gripper is None else load_gripper(gripper, folder)
+        with within(f"[{manipulator}] arm = {name!r}"):
             object.__setattr__(self, "arm", load_arm(name, folder, own))
 
     def _check_cup(self) -> None:
@@ -209,11 +210,23 @@ class Scene(Section):
         return cup.why_outside(max(abs(x - cup.x), abs(mouth - cup.x)), cup.rim - z, error)
 
     def replace(self, **changes: Any) -> Scene:
-        """A copy with the given sections changed, e.g. ``scene.replace(target=Pose(...))``."""
+        """A copy with the given sections changed, e.g. ``scene.replace(target=Pose(...))``.
+
+        Another arm or gripper than before is loaded, unless `arm` is given.
+        """
+        if self._sources(changes) != self._sources({}):
+            changes = {"arm": None} | changes
         scene = dataclasses.replace(self, **changes)
         if "cup" in changes or "target" in changes:
             scene.check_target_in_cup()
         return scene
+
+    def _sources(self, changes: dict[str, Any]) -> list[str | None]:
+        """Names of the arm and of the gripper's file, with sections changed."""
+        robot, motion, gripper = (
+            changes.get(name, getattr(self, name)) for name in ("robot", "motion", "gripper")
+        )
+        return [robot and robot.arm, motion and motion.arm, gripper and gripper.file]
 
     @check_arguments
     def aimed_at(self, target: Pose) -> Scene:

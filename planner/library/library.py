@@ -208,8 +208,8 @@ class Library:
 def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     """The folder of a scene's library with records of this kind; None without a cache folder.
 
-    The target's place, [cost], [choice], [robust], [rest] and [calibration], and obstacles do not
-    enter the name: throws of one library serve any of them.
+    The target's place, [cost], [choice], [robust], [rest] and [calibration], obstacles, and the
+    object's mesh do not enter the name: throws of one library serve any of them.
     """
     cache = cache_folder()
     if cache is None:
@@ -218,6 +218,8 @@ def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     like = scene.aimed_at(anywhere).changed(
         name="", description="", file="", cost=None, choice=None, robust=None, obstacle=()
     )
+    if like.object.mesh is not None:
+        like = like.changed(object=like.object.changed(mesh=None))
     if like.cup is not None:
         # A cup that was moved and moved back may differ in the last digit.
         like = like.changed(cup=like.cup.changed(x=round(like.cup.x, 9)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...models import Array, FlightState
 from ...problems import InputError, Pose, Scene
-from ..clearance import column_distance, held_bar, lowest_of_bar
+from ..clearance import column_distance, held_bar, lowest_of_bar, palm_distance
 from ..samples import Releases
 from ..throw import Manipulator, column_of, outline
 from .attempt import Attempt
@@ -21,10 +21,12 @@ FACTOR = 2.0
 
 
 def check_contradictions(scene: Scene, manipulator: Manipulator) -> None:
-    """InputError if the bar at the target is not in the cup, or the start is below the floor or in
-    the base column: the given start, or each of `POSES` random ones if it is free.
+    """InputError if the bar at the target is not in the cup, the object as gripped reaches into the
+    palm, or the start is below the floor or in the base column: the given start, or each of `POSES`
+    random ones if it is free.
     """
     scene.check_target_in_cup()
+    _check_palm(scene)
     workspace, limits = scene.workspace, manipulator.planning
     if workspace is None:
         return
@@ -48,6 +50,22 @@ def check_contradictions(scene: Scene, manipulator: Manipulator) -> None:
         raise InputError(
             f"{scene.place}: [{section}] start contradicts [workspace] column_radius = "
             f"{column[0]:g}: the held bar begins inside the base column"
+        )
+
+
+def _check_palm(scene: Scene) -> None:
+    """InputError if the object as gripped reaches into the hand's body."""
+    if scene.arm is None or not scene.arm.tool.palm_half_width:
+        return
+    hand = np.zeros((3, 1))
+    tool, com = scene.arm.tool, held_bar(scene, hand)
+    deep = -float(palm_distance(scene.object, tool, com, hand)[0])
+    if deep > 0.0:
+        angle = math.degrees(scene.grasp.angle)
+        raise InputError(
+            f"{scene.place}: [grasp] angle_deg = {angle:g}, offset = {scene.grasp.offset:g}: the "
+            f"object as gripped reaches {1e3 * deep:.0f} mm into the palm, which begins "
+            f"{1e3 * tool.palm_front:.0f} mm behind the pads' centre"
         )
 
 

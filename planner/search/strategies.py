@@ -126,7 +126,7 @@ class Search:
     @cached_property
     def approaches(self) -> list[Approach]:
         """Approaches from the library, then from what lands nearest: throws of earlier plans and
-        samples."""
+        samples; last from the nearest of the library with all that constraints cost."""
         task, context = self.task, self.context
         others = list[Approach]()
         if len(task.solvers) > 1:
@@ -139,6 +139,8 @@ class Search:
             others.append(Approach(goal, replace(start, goal=pose, again=True), far))
         # One that breaks something where it lands comes last.
         others.sort(key=attrgetter("away"))
+        nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
+        others += [] if self.blocked else (replace(one, light=False) for one in nearest)
         return [*others, *self.stored] if self.blocked else [*self.stored, *others]
 
     @cached_property

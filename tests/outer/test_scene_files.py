@@ -152,6 +152,21 @@ def test_replace_checks_again(changes, words) -> None:
         assert word in str(caught.value)
 
 
+def test_another_arm_or_gripper_is_loaded() -> None:
+    scene = tp.load_scene("iiwa14")
+    other = scene.replace(robot=tp.Robot(arm="panda"))
+    assert other.arm.limits == tp.load_scene("pose").arm.limits
+    assert other.replace(gravity=9.8).arm is other.arm
+    own = dataclasses.replace(other.arm, name="own")
+    assert scene.replace(robot=tp.Robot(arm="panda"), arm=own).arm is own
+    for changes in (
+        {"robot": tp.Robot(arm="iiwa41")},
+        {"gripper": tp.Gripper(file="iiwa41", force=100.0, opening=0.05)},
+    ):
+        with pytest.raises(tp.InputError, match=r"iiwa41.*shipped: "):
+            scene.replace(**changes)
+
+
 def test_aimed_at_takes_the_cup_along() -> None:
     scene = tp.load_scene("near-cup")
     moved = scene.aimed_at(tp.Pose(x=1.1, z=0.5, theta=-math.pi / 2))
