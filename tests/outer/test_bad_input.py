@@ -155,7 +155,7 @@ ROBOT | .obstacle: 3 | obstacle = 3; list of tables
 ROBOT | .obstacle: [{name = "a", kind = "cube", size = [1], position = [2, 0, 2]}] | kind = 'cube'
 ROBOT | .obstacle: [{kind = "sphere", size = [0.1], position = [2, 0, 2]}] | obstacle 1; 'name'
 ROBOT | workspace.floor: 0.9 | [robot] start contradicts; floor = 0.9; below it
-ROBOT | object.com: 0.13 & grasp.offset: 0.1 | [grasp] angle_deg = 0, offset = 0.1: ; mm into the palm
+ROBOT | object.com: 0.13 & grasp.offset: 0.1 | [grasp] angle_deg = 0, offset = 0.1; into the palm
 ROBOT | workspace.floor: 0.9 & robot.start_deg: - | every start contradicts; floor = 0.9
 HAND | object.mass: 310 | mass = 310; kg; grams
 HAND | gripper.opening: 50 | opening = 50; at most 2 s
