@@ -18,6 +18,7 @@ from .outlines import (
     bar_ends,
     bar_outline,
     column_distance,
+    grasp_distance,
     held_bar,
     lowest_of_bar,
     outline_ends,

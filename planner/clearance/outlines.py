@@ -96,6 +96,14 @@ def held_bar(scene: Scene, hand: Array) -> Array:
     return np.array(sticking_state(hand, np.zeros(3), scene.grasp.angle, scene.com_offset)[:3])
 
 
+def grasp_distance(scene: Scene) -> float:
+    """Distance [m] between the object as gripped and the body of an arm's hand, which has one;
+    below 0, where they overlap, how deep."""
+    assert scene.arm is not None
+    hand = np.zeros((3, 1))
+    return float(palm_distance(scene.object, scene.arm.tool, held_bar(scene, hand), hand)[0])
+
+
 def bar_ends(bar: ThrownObject, com: Array) -> Array:
     """Ends (K, 2, 3, N) of the axes of the object's K capsules, one for a bar, for CoM poses
     (3, N)."""

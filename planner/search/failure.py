@@ -9,7 +9,7 @@ import numpy as np
 
 from ...models import Array, FlightState
 from ...problems import InputError, Pose, Scene
-from ..clearance import column_distance, held_bar, lowest_of_bar, palm_distance
+from ..clearance import column_distance, grasp_distance, held_bar, lowest_of_bar
 from ..samples import Releases
 from ..throw import Manipulator, column_of, outline
 from .attempt import Attempt
@@ -57,15 +57,12 @@ def _check_palm(scene: Scene) -> None:
     """InputError if the object as gripped reaches into the hand's body."""
     if scene.arm is None or not scene.arm.tool.palm_half_width:
         return
-    hand = np.zeros((3, 1))
-    tool, com = scene.arm.tool, held_bar(scene, hand)
-    deep = -float(palm_distance(scene.object, tool, com, hand)[0])
-    if deep > 0.0:
-        angle = math.degrees(scene.grasp.angle)
+    away, angle = grasp_distance(scene), math.degrees(scene.grasp.angle)
+    if away < 0.0:
         raise InputError(
             f"{scene.place}: [grasp] angle_deg = {angle:g}, offset = {scene.grasp.offset:g}: the "
-            f"object as gripped reaches {1e3 * deep:.0f} mm into the palm, which begins "
-            f"{1e3 * tool.palm_front:.0f} mm behind the pads' centre"
+            f"object as gripped reaches {-1e3 * away:.0f} mm into the palm, which begins "
+            f"{1e3 * scene.arm.tool.palm_front:.0f} mm behind the pads' centre"
         )
 
 

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ....models.robot import PlanarArm
+from ...clearance import grasp_distance
 from ...throw import column_of
 from ..request import PALM_TIMES, Request
 from ..scene_constraint import Flight, Instant, SceneConstraint, braked
@@ -193,6 +194,8 @@ class Palm(SceneConstraint):
         # An outline has radii of its own.
         bar, margin = request.scene.object, SETTINGS.palm_margin + clearance
         margin += (0.0 if bar.outline else bar.width / 2) + request.refinement.margins["palm"]
+        # An object that is gripped nearer the body than that cannot be farther off just after.
+        margin = min(margin, grasp_distance(request.scene))
         values = {
             "palm_back": arm.tool.palm_back + margin,
             "palm_front": arm.tool.palm_front - margin,
