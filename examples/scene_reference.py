@@ -15,7 +15,7 @@ from typing import Any
 from throwplan.models.robot import Arm, DHRow, JointFrame, LinkInertia
 from throwplan.problems.arms import TABLES, GripperCapsule, GripperData
 from throwplan.problems.scene import SECTIONS, TOP_KEYS, Scene
-from throwplan.problems.section import file_key, hints_of
+from throwplan.problems.section import UNSET, file_key, hints_of
 from throwplan.problems.uncertainty import SHARES, Distribution, Uncertainty
 
 #: Ranges that hang on the scene's other values.
@@ -160,7 +160,7 @@ def _allowed(about: Mapping[str, Any]) -> str:
 def _default(value: Any, unit: float) -> str:
     if value is dataclasses.MISSING:
         return "required"
-    return "–" if value in (None, (), "") else f"`{_plain(value, unit)}`"
+    return "–" if value in (None, (), "") or value is UNSET else f"`{_plain(value, unit)}`"
 
 
 def _plain(value: Any, unit: float) -> str:

@@ -80,7 +80,17 @@ def toml_tables(text: str, place: str) -> dict[str, Any]:
         raise too_deep from None
     except ValueError as error:
         reason = "a number has too many digits" if "digits" in str(error) else error
-        raise InputError(f"{place}: broken TOML: {reason}") from None
+        raise InputError(f"{place}: broken TOML: {reason}{_toml_hint(text, str(error))}") from None
+
+
+def _toml_hint(text: str, reason: str) -> str:
+    """What the mistake in TOML may be, in words; empty for others than these."""
+    twice = re.search(r"Cannot declare \('(\w+)',\) twice", reason)
+    if twice:
+        return f": for several write [[{twice[1]}]]"
+    line = re.search(r"at line (\d+)", reason)
+    comma = line and re.search(r"=\s*([-+]?\d+),(\d+)", text.splitlines()[int(line[1]) - 1])
+    return f": is it {comma[1]}.{comma[2]}? TOML has decimal points" if comma else ""
 
 
 def csv_lines(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..models import SHAPES, Array, Contact, SurfaceShape
 from ..models.release import GripProfile, LinearGrip, TableGrip
+from .arms import load_gripper
 from .checks import InputError, within
 from .section import Section, from_table, optional, quantity
 
@@ -316,9 +317,14 @@ class Gripper(Section):
     )
 
     def check(self) -> None:
-        """The force is given in exactly one way; a table falls to zero."""
-        linear = self.force is not None or self.opening is not None
+        """The force is given in exactly one way, or taken from the file; a table falls to zero."""
         measured = bool(self.times or self.forces or self.table)
+        if self.file is not None and self.force is None and self.opening is None and not measured:
+            with within(f"file = {self.file!r}"):
+                data = load_gripper(self.file)
+            for name in ("force", "dwell", "opening"):
+                object.__setattr__(self, name, getattr(data, name))
+        linear = self.force is not None or self.opening is not None
         if linear == measured:
             raise InputError("give either 'force' and 'opening', or a measured 'table'")
         if linear and (self.force is None or self.opening is None):

@@ -21,7 +21,7 @@ from .checks import InputError, Mistakes, check_arguments, within
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque, check_torque, thrown_by
 from .poses import Pose
-from .section import Section, hints_of, part_of, quantity, rules, table_of, unit_of
+from .section import Section, hints_of, part_of, quantity, rules, table_of, unit_of, unknown
 from .targets import Choice, Cost, Cup, Landing, Mesh, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
@@ -100,6 +100,7 @@ class Scene(Section):
                 arm = dataclasses.replace(self.arm, throwing_joints=joints)
                 object.__setattr__(self, "arm", arm)
             object.__setattr__(self, "target", self.aim.with_lateral(self.arm.lateral))
+        self._place_cup()
         mistakes = Mistakes()
         for check in (
             self._check_grasp,
@@ -161,6 +162,15 @@ class Scene(Section):
         with within(f"[{manipulator}] arm = {name!r}"):
             object.__setattr__(self, "arm", load_arm(name, folder, own))
 
+    def _place_cup(self) -> None:
+        """A cup without x stands at the target's middle."""
+        cup = self.cup
+        if cup is None or not math.isnan(cup.x):
+            return
+        if self.target is None:
+            raise InputError("[cup] key 'x' is missing: there is no target to stand at")
+        object.__setattr__(self, "cup", cup.changed(x=self.target.plane_x))
+
     def _check_cup(self) -> None:
         cup = self.cup
         if cup is None:
@@ -214,6 +224,10 @@ class Scene(Section):
 
         Another arm or gripper than before is loaded, unless `arm` is given.
         """
+        names = [field.name for field in dataclasses.fields(self)]
+        mistakes = [unknown(name, names) for name in changes if name not in names]
+        if mistakes:
+            raise InputError(*mistakes)
         if self._sources(changes) != self._sources({}):
             changes = {"arm": None} | changes
         scene = dataclasses.replace(self, **changes)
@@ -335,6 +349,12 @@ class Scene(Section):
         if self.robot is not None and self.arm is not None and not self.arm.capsules:
             words = "its joints keep off the floor, its links off nothing"
             sentences.append(f"[robot] arm {self.arm.name} has no [[capsules]]: {words}")
+        cup, target = self.cup, self.target
+        if cup is not None and target is not None and cup.x == target.x != target.plane_x:
+            sentences.append(
+                f"[cup] x = {cup.x:g} is in the throw's plane, where the target is at "
+                f"{target.plane_x:.4g}: leave x out for a cup at the target"
+            )
         return tuple(sentences)
 
     def table(self) -> dict[str, Any]:

@@ -50,6 +50,12 @@ def optional(meaning: str, **limits: Any) -> Any:
     return quantity(meaning, default=None, **limits)
 
 
+#: Words of users for keys.
+OTHER_WORDS = {"bin": "cup", "basket": "cup", "box": "cup"}
+#: Default of a number for which another value is taken.
+UNSET = float("nan")
+
+
 @dataclasses.dataclass(frozen=True)
 class Section:
     """Base of all sections: checks types, finiteness and limits of its fields."""
@@ -70,7 +76,8 @@ class Section:
         hints, mistakes = hints_of(type(self)), Mistakes()
         for field in dataclasses.fields(self):
             key, value = file_key(field.name, field.metadata), getattr(self, field.name)
-            if value is None and field.default is None:
+            # A default that is no number stands for another value.
+            if value is field.default and (value is None or value is UNSET):
                 continue
             with mistakes.kept():
                 value = checked(key, value, hints[field.name], field.metadata)
@@ -174,7 +181,7 @@ def part_of(hint: Any) -> tuple[type[Any] | None, bool]:
 def rows_from(key: str, kind: type[Any], value: Any) -> tuple[Any, ...]:
     """The values of dataclass `kind` in a list of tables."""
     if not isinstance(value, list) or not all(isinstance(row, Mapping) for row in value):
-        raise InputError(f"{key} = {value!r}: must be a list of tables")
+        raise InputError(f"{key} = {value!r}: must be a list of tables, each under [[{key}]]")
     rows_read, mistakes = [], Mistakes()
     for number, row in enumerate(value, start=1):
         with mistakes.kept(), within(f"{key} {number}"):
@@ -228,4 +235,6 @@ MOVED = {("Mesh", "sticking_margin"): "key 'sticking_margin': moved to [gripper]
 
 def unknown(key: str, known: Sequence[str]) -> str:
     """'unknown key' message with the nearest known one."""
-    return f"unknown key '{key}'{InputError.hint(key, known)} (known: {', '.join(known)})"
+    other = OTHER_WORDS.get(key)
+    hint = f", did you mean '{other}'?" if other in known else InputError.hint(key, known)
+    return f"unknown key '{key}'{hint} (known: {', '.join(known)})"

@@ -14,7 +14,7 @@ from ..models.robot import Solid, about_z
 from .checks import InputError
 from .grip import ThrownObject
 from .poses import Pose
-from .section import Section, optional, quantity
+from .section import UNSET, Section, optional, quantity
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,12 +72,18 @@ class Cup(Section):
     [target], which determines that end.
     """
 
-    x: float = quantity("m, centre, in the throw's plane; moves with another target")
     rim: float = quantity("m, height of the rim; moves with another target")
     radius: float = quantity(
-        "m, inside; above half the bar's width, the clearance and 1 mm", above=0
+        "m, inside; above half the bar's width, or the largest radius of an outline, the clearance "
+        "and 1 mm",
+        above=0,
     )
     depth: float = quantity("m, inside", above=0)
+    x: float = quantity(
+        "m, centre, in the throw's plane; moves with another target; left out: at the target's "
+        "middle",
+        default=UNSET,
+    )
     clearance: float = quantity(
         "m, from the bar's outline to wall and rim, from when the lower end is in the rim plane "
         "until it is `insertion` below",

@@ -257,7 +257,13 @@ def prepare(options: argparse.Namespace) -> int:
     if 0 < count < requested:
         text += (
             f"\n  fewer than the {requested:,} requested: no places are left between them, or no "
-            "throw reaches them; nothing to do: a plan starts from the nearest throw"
+            "throw reaches them; a plan starts from the nearest throw"
+        )
+    if scene.obstacle:
+        obstacles = f"{len(scene.obstacle)} obstacle{'s' if len(scene.obstacle) > 1 else ''}"
+        text += (
+            f"\n  made without the scene's {obstacles}: where a throw meets one, a plan searches "
+            "as without a library"
         )
     print_result(options, result, text)
     return DONE if count else fail("no throw found: no solve from the sampled starts succeeded")

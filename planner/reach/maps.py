@@ -144,9 +144,10 @@ class ReachMap(ReadOnly):
             ranges += f", theta {low:.0f} to {high:.0f} deg"
         best = 100 * float(np.nanmax(self.margin))
         return (
-            f"{self.scene.name}: {self.reachable:,} bins of {size} in reach at z {self.z:g} m "
-            f"({self.x.size:,} landings of {self.samples:,} samples)\n"
-            f"  {ranges}; best margin {best:.0f} % (left of the limit that is used most)\n"
+            f"{self.scene.name}: at z {self.z:g} m {self.x.size:,} of {self.samples:,} sampled "
+            f"throws land in {self.reachable:,} fields of {size}\n"
+            f"  {ranges}, sampled: a plan may reach farther; the best throw keeps {best:.0f} % of "
+            "every limit free\n"
             f"  {self._target_words()}{self._library_words()}"
         )
 
@@ -172,10 +173,14 @@ class ReachMap(ReadOnly):
         where = self.bin_of(x, theta)
         if where is None or not self.landings[where]:
             away = self.distance(x, theta)
-            return f"{words}: in no bin that was hit, nearest landing {away:.3f} m away (scaled)"
+            return (
+                f"{words}: no sampled throw lands there, the nearest has a pose error of "
+                f"{1e3 * away:.0f} mm; a plan may still find one"
+            )
         count, margin = self.solutions[where], 100 * self.margin[where]
-        different = "1 throw" if count == 1 else f"{count:,} different throws"
-        return f"{words}: in reach, {different} in its bin, best margin {margin:.0f} %"
+        different = "1 throw lands" if count == 1 else f"{count:,} different throws land"
+        free = f"the best keeps {margin:.0f} % of every limit free"
+        return f"{words}: in reach, {different} near it, {free}"
 
     @check_arguments
     def save(self, folder: str | Path) -> Path:

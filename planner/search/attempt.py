@@ -77,7 +77,8 @@ class NearestFeasible:
         pose = self.pose
         angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"
         limits = f" (limited by {', '.join(self.names[:4])})" if self.names else ""
-        words = f"{what} {pose.plane_x:.3f} m{angle}{limits}"
+        aside = f", y {pose.y:.3f} m" if target.y or abs(pose.y) > 5e-4 else ""
+        words = f"{what} {pose.x:.3f} m{aside}{angle}{limits}"
         if target.theta is None or abs(target.theta) < MANY_TURNS * 2 * math.pi:
             return words
         turns = target.theta / (2 * math.pi)

@@ -111,6 +111,8 @@ def grip(id: str, table: str | bytes | None, *words: str, scene: Sections = HAND
 FILES = [
     raw("binary file", bytes(range(256)), "not a text file"),
     raw("broken TOML", "[object]\nmass = \n", "TOML", "line 2"),
+    raw("decimal comma", "[object]\nmass = 0,085\n", "line 2", "is it 0.085?"),
+    raw("table twice", "[obstacle]\n[obstacle]\n", "for several write [[obstacle]]"),
     raw("section twice", "[object]\nmass = 1\n[object]\n", "TOML", "line 3"),
     edited("number for a section", HAND, {"object": None, ".object": "3"}, "object = 3", "section"),
     edited("list for a section", HAND, {"object": None, ".object": "[{mass = 1}]"}, "section"),
@@ -151,7 +153,8 @@ HAND | object.inertia: 0.003 | inertia = 0.003; 0.00202
 HAND | object.com: 0.21 | com = 0.21; length; 0.2
 HAND | grasp.offset: 0.15 | [grasp]; offset; 0.15; 0.1
 HAND | gripper.dwell: -0.1 | dwell = -0.1; at least 0
-ROBOT | .obstacle: 3 | obstacle = 3; list of tables
+ROBOT | .obstacle: 3 | obstacle = 3; list of tables, each under [[obstacle]]
+ROBOT | .bin: 3 | unknown key 'bin', did you mean 'cup'?
 ROBOT | .obstacle: [{name = "a", kind = "cube", size = [1], position = [2, 0, 2]}] | kind = 'cube'
 ROBOT | .obstacle: [{kind = "sphere", size = [0.1], position = [2, 0, 2]}] | obstacle 1; 'name'
 ROBOT | workspace.floor: 0.9 | [robot] start contradicts; floor = 0.9; below it

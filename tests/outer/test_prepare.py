@@ -44,6 +44,16 @@ def test_it_says_why_there_are_fewer_than_asked_for(run, tmp_path, monkeypatch) 
 
 
 @pytest.mark.slow
+def test_a_bar_that_is_held_near_the_palm_is_prepared(tmp_path: Path, monkeypatch) -> None:
+    """Its end is 20 mm from the palm, nearer than the margin that the NLP keeps to others."""
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    planner = tp.Planner(load_scene("pose").replace(grasp=tp.Grasp(offset=0.025)))
+    assert planner.prepare(10) >= 10
+    beyond = planner.plan(planner.scene.target.in_plane(2.5, planner.scene.target.theta))
+    assert beyond.status == "out_of_reach" and beyond.nearest is not None
+
+
+@pytest.mark.slow
 def test_an_end_loses_nothing_that_was_solved(tmp_path: Path, interruptible: None) -> None:
     """Of the command, with the processes that it starts."""
     environment = os.environ | {"THROWPLAN_CACHE": str(tmp_path)}

@@ -143,6 +143,7 @@ def test_scenes_and_sections_are_frozen(name) -> None:
         ({"target": tp.Pose(x=1.0, z=0.1)}, ["[cup]", "theta_deg"]),
         ({"robot": None, "arm": None}, ["[hand]", "[robot]", "[motion]"]),
         ({"object": "bar"}, ["object", "bar"]),
+        ({"obstacles": ()}, ["unknown key 'obstacles', did you mean 'obstacle'?"]),
     ],
 )
 def test_replace_checks_again(changes, words) -> None:
@@ -165,6 +166,24 @@ def test_another_arm_or_gripper_is_loaded() -> None:
     ):
         with pytest.raises(tp.InputError, match=r"iiwa41.*shipped: "):
             scene.replace(**changes)
+
+
+def test_a_cup_without_x_stands_at_the_target() -> None:
+    """In the throw's plane, where an arm that throws beside its axis has the target nearer."""
+    scene = tp.load_scene("ur5e").replace(target=tp.Pose(x=1.2, z=0.1, theta=-math.pi / 2))
+    cup = tp.Cup(rim=0.1, radius=0.1, depth=0.2)
+    stands = scene.replace(cup=cup)
+    assert stands.cup.x == stands.target.plane_x < 1.2 and not stands.notes
+    assert "leave x out" in scene.replace(cup=dataclasses.replace(cup, x=1.2)).notes[0]
+    with pytest.raises(tp.InputError, match="x = nan: must be a finite number"):
+        tp.Cup(x=math.nan, rim=0.1, radius=0.1, depth=0.2)
+
+
+def test_a_grippers_file_gives_its_grip() -> None:
+    gripper = tp.Gripper(file="robotiq-2f-85")
+    assert gripper.profile() == tp.load_scene("iiwa14").gripper.profile()
+    with pytest.raises(tp.InputError, match=r"file = 'robotiq': unknown gripper"):
+        tp.Gripper(file="robotiq")
 
 
 def test_aimed_at_takes_the_cup_along() -> None:
