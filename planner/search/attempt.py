@@ -20,7 +20,7 @@ from ...problems import MANY_TURNS, Pose, Scene
 from ..ocp import BASE, Refinement, Request, Solution, ThrowNlp, WarmStart
 from ..result import PlannedThrow
 from ..throw import SmoothingError, Throw, send
-from ..verdict import Verdict, verdict
+from ..verdict import Code, Verdict, verdict
 from .guess import initial_guess_from
 from .nlp_cache import CompiledNlp, NlpCache, Task
 
@@ -119,6 +119,13 @@ class Attempt:
     def missed(self) -> float:
         """Pose error [m] to the goal at which limits end the throw; inf if they do not."""
         return math.inf if self.edge is None else self.edge.missed
+
+    @property
+    def meets_at(self) -> float:
+        """Pose error [m] to the goal of a throw that only meets things; inf for any other."""
+        if self.verdict is None or {one.code for one in self.verdict.broken} != {Code.COLLISION}:
+            return math.inf
+        return 0.0 if self.edge is None else self.edge.missed
 
     @cached_property
     def after(self) -> Refinement:

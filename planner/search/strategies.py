@@ -19,7 +19,7 @@ from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement, Request
 from ..result import PlannedThrow
 from .attempt import Start
-from .candidates import REGION_STARTS, STARTS, Candidates, release_start
+from .candidates import REGION_STARTS, STARTS, STARTS_AMONG, Candidates, release_start
 from .context import SETTINGS, SearchContext, are_equal
 from .failure import in_column
 from .guess import initial_guess_from
@@ -182,7 +182,7 @@ class Search:
         agree = is_new and not is_close and are_equal([one.missed for one in edges] + known)
         starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
         is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
-        if not (agree or is_vain):
+        if not (agree or is_vain) or self._may_pass(history):
             return False
         return self._is_nearest(least, known + [away for _, _, away in self.arriving.nearest])
 
@@ -207,7 +207,17 @@ class Search:
         least = history.edges[0].missed
         ended = least >= SETTINGS.same_distance and not self.task.clock.late
         is_nearest = self._is_nearest(least, self._stored_distances)
-        return ((self.blocked or ended) and is_nearest) or self.is_settled(history)
+        ends = (self.blocked or ended) and is_nearest and not self._may_pass(history)
+        return ends or self.is_settled(history)
+
+    def _may_pass(self, history: History) -> bool:
+        """Whether another way past the scene's obstacles may lead to the target.
+
+        A throw that lands there meets nothing but them, and no two landings short of it agree.
+        """
+        if not self.task.scene.obstacle or are_equal([one.missed for one in history.new_edges]):
+            return False
+        return any(one.meets_at < history.edges[0].missed for one in history.attempts)
 
     def remember(self, history: History) -> None:
         """Keeps the throws found, or the nearest landing, for later plans."""
@@ -292,7 +302,8 @@ def from_samples(search: Search, history: History) -> Try | None:
     if search.blocked or search.is_settled(history):
         return None
     tables = search.arriving, search.candidates
-    counts = [(solver, count) for solver, count in STARTS if solver in search.task.solvers]
+    starts = STARTS_AMONG if search.task.scene.obstacle else STARTS
+    counts = [(solver, count) for solver, count in starts if solver in search.task.solvers]
     tries = (_from_samples(search, history, tables, *one) for one in counts)
     return next((step for step in tries if step is not None), None)
 
