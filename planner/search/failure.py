@@ -17,8 +17,8 @@ from .attempt import Attempt
 #: Random start poses that are checked where the start is free.
 POSES = 500
 #: Share of the random start poses that an arm can hold at rest with an empty hand, at which its
-#: torque limits are refused. A robot holds all. With smaller limits, no built-in scene had a plan at
-#: a tenth in 20 s; `iiwa14` had one at a fifth.
+#: torque limits are refused. A robot holds all. With smaller limits no built-in scene had a plan in
+#: 20 s at a tenth; `iiwa14` had one at a fifth.
 HELD_SHARE = 0.1
 #: A bound contradicts the target if all near sampled releases miss it by more than this factor.
 FACTOR = 2.0

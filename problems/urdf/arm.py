@@ -132,9 +132,11 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
     try:
         PlanarArm(arm)
     except ValueError as error:
-        axes, normal = np.array([pose[:3, 2] for pose in arm.placed(arm.posture)]), np.eye(3)[1]
-        worst = max(_tilt(arm, axes, normal, j) for j in (*arm.throwing_joints, None))
-        raise InputError(f"{error}: {worst[1]}{CHANGE}") from None
+        axes = np.array([pose[:3, 2] for pose in arm.placed(arm.posture)])
+        normal = axes[arm.throwing_joints[0] - 1]
+        tilts = [_tilt(arm, axes, normal, j) for j in (*arm.throwing_joints, None)]
+        words = next((words for angle, words in tilts if angle > EXACT), tilts[-1][1])
+        raise InputError(f"{error}: {words}{CHANGE}") from None
     return arm
 
 
