@@ -163,6 +163,7 @@ class Cycle(ReadOnly):
                 found.setdefault(finding.words, []).append(step.pick)
         return tuple(f"{', '.join(names)}: {words}" for words, names in found.items())
 
+    @check_arguments
     def among_waiting(self, number: int) -> Scene:
         """The scene of a step with the objects of all later ones at their picks, as obstacles."""
         return among(self.steps[number].space, self._waiting(number + 1)).scene
