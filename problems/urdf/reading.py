@@ -10,6 +10,7 @@ import importlib
 import io
 import logging
 import math
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -71,7 +72,7 @@ def read_urdf(
     Angles of joints' frames that are nearly multiples of 90 deg are taken as these: a frame that is
     0.01 deg off moves the hand out of the throw's plane. Also returns by how much [rad] joints were
     turned so, where that is more than `NOTED`. arguments: of a xacro, by name. A xacro's packages
-    (`$(find ...)`) are looked for in the folders above it.
+    (`$(find ...)`) are looked for in the folders above it and in those of ROS_PACKAGE_PATH.
     """
     named = _is_description(path)
     text = "" if named else read_text(path)
@@ -158,9 +159,13 @@ class _Arguments(dict[str, str]):
 
 def _expanded(path: Path, arguments: Mapping[str, str]) -> ElementTree.Element:
     """A xacro's URDF; InputError for an argument or package that is missing or unknown."""
-    from xacrodoc import XacroDoc
+    from xacrodoc import XacroDoc, packages
 
     values = _Arguments(arguments)
+    if folders := [
+        name for name in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if name
+    ]:
+        packages.look_in(folders)  # which xacrodoc leaves out where ROS 2 is installed
     try:
         # xacro prints warnings about the maker's style.
         with contextlib.redirect_stderr(io.StringIO()):
