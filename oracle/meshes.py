@@ -48,7 +48,7 @@ def chain_for(name: str) -> Any:
     """The chain of an arm's URDF."""
     file, tool, base, closing = MESHES[name]
     with contextlib.chdir((PACKAGES / file).parent):  # Its xacro names another beside it.
-        return chain_of(read_urdf(PACKAGES / file), [], tool, base, closing=closing)
+        return chain_of(read_urdf(PACKAGES / file)[0], [], tool, base, closing=closing)
 
 
 def link_points(name: str) -> dict[int, Array]:

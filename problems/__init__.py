@@ -10,7 +10,7 @@ from .arms import GripperData, load_arm
 from .calibration import Calibration
 from .checks import InputError, ThrowplanError, check_arguments, checked
 from .grip import Grasp, Gripper, OutlinePart, PadContact, ThrownObject
-from .job_files import Bin, Jobs, Pick, jobs_names, load_jobs
+from .job_files import Bin, Jobs, Pick, jobs_names, jobs_text, load_jobs
 from .manipulators import Hand, Motion, Robot, Torque
 from .poses import MANY_TURNS, Pose, Region, ThrowPlane
 from .scene import Scene

@@ -221,6 +221,20 @@ def jobs_names() -> list[str]:
 
 
 @check_arguments
+def jobs_text(name: str) -> str:
+    """The TOML text of shipped jobs; InputError for an unknown name."""
+    if name not in jobs_names():
+        raise InputError(_no_jobs(name))
+    return shipped("jobs")[name].read_text(encoding="utf-8")
+
+
+def _no_jobs(name: str) -> str:
+    known = jobs_names()
+    hint = InputError.hint(name, known)
+    return f"no jobs '{name}'{hint} (shipped: {', '.join(known)}; or a .toml file)"
+
+
+@check_arguments
 def load_jobs(source: str | Path) -> Jobs:
     """Jobs from a shipped name or a TOML file.
 
@@ -228,14 +242,11 @@ def load_jobs(source: str | Path) -> Jobs:
     """
     source = str(source)
     if source in jobs_names():
-        text, folder, name = shipped("jobs")[source].read_text(encoding="utf-8"), None, source
+        text, folder, name = jobs_text(source), None, source
     else:
         path = Path(source)
         if path.suffix != ".toml" and not os.path.exists(path):
-            known = jobs_names()
-            hint = InputError.hint(source, known)
-            words = f"no jobs '{source}'{hint} (shipped: {', '.join(known)}; or a .toml file)"
-            raise InputError(words)
+            raise InputError(_no_jobs(source))
         text, folder, name = read_text(path), path.parent, path.stem
     tables = toml_tables(text, source)
     with within(source):

@@ -60,7 +60,8 @@ def load_scene(source: str | Path) -> Scene:
 
 def _no_scene(name: str) -> str:
     names = scene_names()
-    hint = InputError.hint(name, names)
+    are_jobs = name in shipped("jobs")
+    hint = ": these are jobs, for throwplan cycle" if are_jobs else InputError.hint(name, names)
     return f"no scene '{name}'{hint} (built in: {', '.join(names)}; or a .toml file)"
 
 

@@ -6,6 +6,7 @@ import argparse
 import dataclasses
 import math
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from ...problems.urdf import (
     link_shapes,
     read_urdf,
     urdf_file,
+    weak_joints,
 )
 from .common import DONE, Add, Progress, number, print_result, toml_out
 
@@ -40,6 +42,8 @@ def arguments(add: Add) -> None:
     """The command's options."""
     words = "URDF or xacro of the robot, or its name in robot_descriptions"
     add("urdf", metavar="FILE.urdf", help=words)
+    words = "arguments of a xacro, behind the file, such as ur_type:=ur10e"
+    add("arguments", nargs="*", type=_argument, metavar="NAME:=VALUE", default=[], help=words)
     words = "joints, base first, by name or number on the way to --tool (default: all of them)"
     add("--joints", nargs="+", metavar="J", default=[], help=words)
     add("--out", required=True, metavar="FILE.toml", help="the arm data file")
@@ -78,16 +82,16 @@ def run(options: argparse.Namespace) -> int:
     if options.name is not None and not (options.name and options.name.isprintable()):
         raise InputError("--name: must be a word")
     with Progress(f"{urdf}: reading"):
-        robot = read_urdf(urdf)
+        robot, turned = read_urdf(urdf, dict(options.arguments))
+        turned = {name: math.degrees(angle) for name, angle in turned.items()}
         try:
-            options, chain = _fill_options(options, robot)
-            limits, choices = limits_of(chain, _given_limits(options)), _choices(options, chain)
-            arm_data, held_names = arm_of(chain, limits, choices), held_joints(chain)
+            options, chain, arm_data = _fill_options(options, robot)
+            held_names = held_joints(chain)
             shapes = link_shapes(chain, urdf_file(urdf))
             arm_data = dataclasses.replace(arm_data, capsules=shapes.capsules, cover=shapes.cover)
         except InputError as error:
             raise error.within(str(urdf)) from None
-        text, arm = arm_file(arm_data, _remarks(chain, urdf, held_names, shapes), str(out))
+        text, arm = arm_file(arm_data, _remarks(chain, urdf, held_names, shapes, turned), str(out))
         difference = kinematics_difference(arm, chain)
     if not difference <= EXACT:
         raise InputError(
@@ -102,15 +106,28 @@ def run(options: argparse.Namespace) -> int:
         "capsules": len(arm.capsules),
         "cover": arm.cover,
         "unread": list(shapes.unread),
+        "turned_deg": turned,
+        "weak": weak_joints(arm),
     }
     print_result(options, result, _text(options, result))
     return DONE
 
 
-def _fill_options(options: argparse.Namespace, robot: Any) -> tuple[argparse.Namespace, UrdfChain]:
-    """The options with the joints' names, and the chain of these joints.
+def _argument(word: str) -> tuple[str, str]:
+    """Name and value of a xacro's argument."""
+    name, sign, value = word.partition(":=")
+    if not (name and sign):
+        raise argparse.ArgumentTypeError(f"{word}: must be NAME:=VALUE, an argument of a xacro")
+    return name, value
 
-    InputError with all missing options, and a complete command line with values to try.
+
+def _fill_options(
+    options: argparse.Namespace, robot: Any
+) -> tuple[argparse.Namespace, UrdfChain, Arm]:
+    """The options with the joints' names, the chain of these joints, and the arm.
+
+    InputError with all missing options, and a complete command line with values to try; of one that
+    does not lead to an arm, why.
     """
     missing = list[str]()
     words = [word for word in options.words if word != "--json"]
@@ -119,7 +136,7 @@ def _fill_options(options: argparse.Namespace, robot: Any) -> tuple[argparse.Nam
         try:
             chain = chain_of(robot, options.joints, *ends)
             options.joints = list(chain.names)
-            limits_of(chain, _given_limits(options))
+            limits = limits_of(chain, _given_limits(options))
             break
         except MissingOptionError as error:
             missing.append(str(error))
@@ -127,9 +144,16 @@ def _fill_options(options: argparse.Namespace, robot: Any) -> tuple[argparse.Nam
                 alone = len(values) == 1 and values[0].startswith("-")
                 words += [f"{option}={values[0]}"] if alone else [option, *values]
             options = options.parser.parse_args(words[1:])
+    tried = shlex.join(["throwplan", *words])
+    try:
+        arm = arm_of(chain, limits, _choices(options, chain))
+    except InputError as error:
+        if missing:
+            raise InputError(*missing, f"{error}; tried: {tried}") from None
+        raise
     if missing:
-        raise InputError(*missing, f"with values to try: {shlex.join(['throwplan', *words])}")
-    return options, chain
+        raise InputError(*missing, f"with values to try: {tried}")
+    return options, chain, arm
 
 
 def _given_limits(options: argparse.Namespace) -> dict[str, list[float | None]]:
@@ -170,12 +194,16 @@ def _choices(options: argparse.Namespace, chain: UrdfChain) -> Choices:
     )
 
 
-def _remarks(chain: UrdfChain, urdf: Path, held: list[str], shapes: LinkShapes) -> list[str]:
+def _remarks(
+    chain: UrdfChain, urdf: Path, held: list[str], shapes: LinkShapes, turned: Mapping[str, float]
+) -> list[str]:
     """Remarks at the head of the file about its origin."""
     remarks = [f"Made by 'throwplan import-robot' from {urdf.name}.", f"Base link: {chain.base}"]
     remarks[1] += f"{_moved(chain.origin)}; hand: {chain.tool}."
     if held:
         remarks.append(f"Held at 0: {', '.join(held)}.")
+    if turned:
+        remarks.append(f"Joints' {_turned(turned)}.")
     unread = f"; no mesh was read of {', '.join(shapes.unread)}" if shapes.unread else ""
     return [*remarks, f"Capsules: around the meshes of the links{unread}."]
 
@@ -201,6 +229,21 @@ def _facts(options: argparse.Namespace, arm: Arm, chain: UrdfChain) -> dict[str,
     }
 
 
+def _turned(turned: Mapping[str, float]) -> str:
+    """Which joints' angles were taken as multiples of 90 deg, as text."""
+    joints = (f"{name} ({angle:.2g} deg off)" for name, angle in turned.items())
+    return f"angles near multiples of 90 deg are taken as these: {', '.join(joints)}"
+
+
+def _weak(weak: Mapping[str, tuple[float, float]]) -> str:
+    """Which joints are too weak to hold the arm, as text."""
+    joints = (f"{name} needs {need:.3g} N m, has {has:g}" for name, (need, has) in weak.items())
+    return (
+        f"torque limits that do not hold the arm at rest in all poses: {', '.join(joints)}; if "
+        "they are the URDF's placeholders, give --torque from the data sheet"
+    )
+
+
 def _moved(origin: Any) -> str:
     """The shift of the base frame as text; empty without one."""
     x, y = (round(value, 4) + 0.0 for value in origin[:2])
@@ -218,6 +261,10 @@ def _text(options: argparse.Namespace, result: dict[str, Any]) -> str:
         f"{result['azimuth']} turns the plane, {', '.join(result['throwing'])} throw",
         f"posture {angles} deg",
     ]
+    if result["turned_deg"]:
+        lines.append(_turned(result["turned_deg"]))
+    if result["weak"]:
+        lines.append(_weak(result["weak"]))
     if result["lateral"]:
         lines.append(f"the throw's plane is {result['lateral']:.4g} m beside the base's z axis")
     if result["held"]:

@@ -11,7 +11,16 @@ from typing import Any
 
 from ...interrupts import INTERRUPTED, INTERRUPTS
 from ...models.release import BATCH_MODELS, MODELS
-from ...problems import Cost, InputError, Robust, load_scene, scene_names, scene_text
+from ...problems import (
+    Cost,
+    InputError,
+    Robust,
+    jobs_names,
+    jobs_text,
+    load_scene,
+    scene_names,
+    scene_text,
+)
 from ...problems.files import copy_out, filling, write_json
 from ..planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner
 from ..reach import MAP_FILES, MOST, check_map, reach_map
@@ -46,13 +55,14 @@ NOT_KEPT = "not kept: there is no cache folder"
 
 def scenes_arguments(add: Add) -> None:
     """The options of `scenes`."""
-    add("--write", metavar="NAME", help="copy the scene's file to NAME.toml in this folder")
+    words = "copy the file of a scene, or of jobs, to NAME.toml in this folder"
+    add("--write", metavar="NAME", help=words)
     add("--force", action="store_true", help="overwrite an existing file")
     add("--reference", action="store_true", help="print all keys of a scene file as Markdown")
 
 
 def scenes(options: argparse.Namespace) -> int:
-    """List the built-in scenes.
+    """List the built-in scenes, and jobs for `cycle`.
 
     example: throwplan scenes --write cup
     """
@@ -64,12 +74,21 @@ def scenes(options: argparse.Namespace) -> int:
         print(json.dumps({"reference": text}) if options.json else text, end="")
     elif options.write is not None:
         path = Path(f"{options.write}.toml")
-        copy_out(scene_text(options.write), path, force=options.force)
+        names = [*scene_names(), *jobs_names()]
+        if options.write not in names:
+            hint = InputError.hint(options.write, names)
+            raise InputError(f"no scene or jobs '{options.write}'{hint} (see 'throwplan scenes')")
+        read = jobs_text if options.write in jobs_names() else scene_text
+        copy_out(read(options.write), path, force=options.force)
         print_result(options, {"file": str(path)}, f"wrote {path}")
     else:
         found = {name: load_scene(name).description for name in scene_names()}
+        # A job file says in its first line what it is.
+        jobs = {name: jobs_text(name).splitlines()[0].lstrip("# ") for name in jobs_names()}
         lines = [f"{name:12} {description}" for name, description in found.items()]
-        print_result(options, {"scenes": found}, "\n".join(lines))
+        lines += ["", "jobs, for throwplan cycle:"]
+        lines += [f"{name:12} {description}" for name, description in jobs.items()]
+        print_result(options, {"scenes": found, "jobs": jobs}, "\n".join(lines))
     return DONE
 
 

@@ -4,7 +4,7 @@ Nothing here knows how a throw was found; what it breaks, `planner/verdict` says
 """
 
 from .batch import BatchFlights, ThrowBatch
-from .loads import friction_use, load_torques, torque_limits, torques_of
+from .loads import friction_use, load_torques, rest_torques, torque_limits, torques_of
 from .manipulator import Limits, Manipulator, State, joint_limits, make_manipulator, outline
 from .sending import (
     NO_SAMPLES,

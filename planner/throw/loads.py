@@ -97,6 +97,20 @@ def load_torques(
     return free, np.array([_torques(scene, manipulator, path, times, u) - free for u in units])
 
 
+def rest_torques(scene: Scene, manipulator: Manipulator, q: Array, *, held: bool) -> Array:
+    """Torques (n, K) [N m] that hold the arm at rest at coordinates q (n, K), with the object or
+    with an empty hand."""
+    still = np.zeros_like(q)
+    load = None
+    if held:
+        hand = HandSamples(np.zeros(q.shape[1]), *manipulator.motion(q, still, still))
+        load = held_wrench(scene.body, scene.gravity, hand.motion, scene.grasp.angle)
+    kinematics = manipulator.kinematics
+    assert isinstance(kinematics, PlanarArm)
+    angles, rates, turns = map(kinematics.link_angles, (q, still, still))
+    return np.array(_dynamics(kinematics).torques(angles, rates, turns, scene.gravity, load))
+
+
 def _torques(
     scene: Scene, manipulator: Manipulator, path: Trajectory, times: Array, load: Any
 ) -> Array:

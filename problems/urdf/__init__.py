@@ -11,6 +11,7 @@ from .arm import (
     kinematics_difference,
     limits_of,
     link_inertias,
+    weak_joints,
 )
 from .chain import AXES, MissingOptionError, UrdfChain, chain_of
 from .reading import read_urdf, urdf_file

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array
-from ...models.robot import Arm, JointLimits, LinkInertia, PlanarArm, Tool
+from ...models.robot import Arm, JointLimits, LinkInertia, PlanarArm, SpatialArm, Tool
 from ..arms import arm_from, arm_text
 from ..checks import InputError
 from ..files import toml_tables
@@ -35,6 +35,8 @@ LIMIT_OPTIONS = {
 PROPOSED = dict(zip(LIMIT_OPTIONS, ("-180", "180", "1", "10", "1000", "50"), strict=True))
 #: Number of random joint states in the comparison with yourdfpy.
 STATES = 24
+#: Number of random states at rest, and gravity [m/s^2], of the torques that hold the arm.
+REST_STATES, GRAVITY = 1000, 9.81
 #: Largest difference [m; -] from yourdfpy at which the file is written.
 EXACT = 1e-9
 #: Largest cosine of perpendicular axes, and largest deviation from 1 of parallel ones.
@@ -130,8 +132,26 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
     try:
         PlanarArm(arm)
     except ValueError as error:
-        raise InputError(f"{error}{CHANGE}") from None
+        axes = np.array([pose[:3, 2] for pose in arm.placed(arm.posture)])
+        normal = axes[arm.throwing_joints[0] - 1]
+        tilts = [_tilt(arm, axes, normal, j) for j in (*arm.throwing_joints, None)]
+        words = next((words for angle, words in tilts if angle > EXACT), tilts[-1][1])
+        raise InputError(f"{error}: {words}{CHANGE}") from None
     return arm
+
+
+def weak_joints(arm: Arm) -> dict[str, tuple[float, float]]:
+    """Joints too weak to hold the arm at rest wherever its throwing joints may be: largest torque
+    and limit [N m] by name. Empty for an arm without masses."""
+    if not arm.links:
+        return {}
+    low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
+    q, moving = np.tile(arm.posture, (REST_STATES, 1)), np.array(arm.throwing_joints) - 1
+    q[:, moving] = np.random.default_rng(0).uniform(low, high, q.shape)[:, moving]
+    still, nothing = np.zeros_like(q), np.zeros((REST_STATES, 6))
+    needed = np.abs(SpatialArm(arm).torques(q, still, still, GRAVITY, nothing)).max(axis=0)
+    rows = zip(arm.joint_names, needed.tolist(), arm.limits.torque, strict=True)
+    return {name: (torque, limit) for name, torque, limit in rows if torque > limit}
 
 
 def arm_file(arm: Arm, remarks: Sequence[str], place: str) -> tuple[str, Arm]:
@@ -208,6 +228,7 @@ def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
     function = ca.Function("axes", [q], [ca.horzcat(*(pose[:3, 2] for pose in arm.frames(q)))])
     low, high = arm.limits.position_min, arm.limits.position_max
     postures: list[tuple[int, float, Array, tuple[int, ...], Array]] = []
+    misses = list[tuple[int, float, str]]()
     todo: list[tuple[int, Array, tuple[int, ...], Array | None]] = [
         (1, np.array(arm.posture), (), None)
     ]
@@ -220,6 +241,11 @@ def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
                     np.delete(posture, [arm.azimuth_joint - 1, *np.array(throwing) - 1])
                 )
                 postures.append((-len(throwing), float(turned.sum()), posture, throwing, normal))
+            others = set(arm.throwing_joints or range(1, arm.joints + 1)) - {*throwing}
+            tilts = [(j, *_tilt(arm, axes, normal, j)) for j in others - {arm.azimuth_joint}]
+            misses += [tilt for tilt in tilts if tilt[1] < math.pi / 4]
+            if normal is not None:
+                misses.append((arm.joints + 1, *_tilt(arm, axes, normal, None)))
             continue
         axis, throws = axes[joint - 1], joint in (arm.throwing_joints or (joint,))
         level = abs(axis[2]) < ALIGNED if normal is None else abs(axis @ normal) > 1 - ALIGNED
@@ -236,7 +262,7 @@ def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
     if not postures:
         raise InputError(
             f"arm {arm.name}: its joints do not move the hand in the vertical plane of the azimuth "
-            f"joint{CHANGE}"
+            f"joint: {min(misses, default=(0, 0.0, 'no other axis is level'))[2]}{CHANGE}"
         )
     _, _, posture, throwing, normal = min(postures, key=lambda each: each[:2])
     turn, at = math.pi / 2 - math.atan2(normal[1], normal[0]), arm.azimuth_joint - 1
@@ -245,6 +271,25 @@ def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
     angles = [0.0 if abs(angle) < 1e-12 else angle for angle in angles]
     posture[at] = min(angles, key=lambda angle: (not low[at] <= angle <= high[at], abs(angle)))
     return dataclasses.replace(arm, throwing_joints=throwing, posture=tuple(posture.tolist()))
+
+
+def _tilt(arm: Arm, axes: Array, normal: Array | None, joint: int | None) -> tuple[float, str]:
+    """How far [rad] a joint, None: the hand, is off the plane of a normal, and words that say it.
+
+    axes (joints + 2, 3): of the joints, then of the hand; normal None: any level one.
+    """
+    axis = axes[-1 if joint is None else joint - 1]
+    if joint is None:
+        assert normal is not None
+        angle = abs(math.asin(np.clip(axis @ normal, -1.0, 1.0)))
+        return angle, f"the hand points {math.degrees(angle):.3g} deg out of it"
+    if normal is None:
+        angle, what = abs(math.asin(np.clip(axis[2], -1.0, 1.0))), "level"
+    else:
+        angle = math.atan2(float(np.linalg.norm(np.cross(axis, normal))), abs(float(axis @ normal)))
+        what = "its normal"
+    name = arm.joint_names[joint - 1]
+    return angle, f"the axis of '{name}' is {math.degrees(angle):.3g} deg off {what}"
 
 
 def _pads_in_plane(arm: Arm) -> tuple[float, ...]:

@@ -20,29 +20,11 @@ import throwplan as tp
 import yourdfpy
 from adam.numpy import KinDynComputations
 from builders import inertia_matrix
+from imports import PANDA_JOINTS, PANDA_OPTIONS, PANDA_URDF, imported
 from planar_urdf import JOINTS, ODD_OPTIONS, XACRO, hand_pose, planar_urdf
 from throwplan.planner.cli import main
 
 from oracle.shapes import to_segment
-
-PANDA_URDF = Path(__file__).parent.parent / "data" / "panda.urdf"
-PANDA_JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
-PANDA_OPTIONS = [
-    *["--tool", "panda_hand", "--tcp", "0.1034", "--palm", "0.1034", "0.045", "0.033"],
-    *["--acceleration", "15", "7.5", "10", "12.5", "15", "20", "20"],
-    *["--jerk", "7500", "3750", "5000", "6250", "7500", "10000", "10000", "--name", "my-panda"],
-]
-
-
-def imported(folder: Path, urdf: Path, joints: list[str], *options: str):
-    """The arm of a scene that uses the file which `import-robot` writes."""
-    out = folder / "arm.toml"
-    out.unlink(missing_ok=True)
-    words = ["import-robot", str(urdf), "--joints", *joints, *options, "--out", str(out)]
-    assert main(words) == 0
-    text = re.sub(r"start_deg = .*", "", tp.scene_text("pose"))
-    (folder / "scene.toml").write_text(text.replace('arm = "panda"', 'arm = "arm.toml"'))
-    return tp.load_scene(folder / "scene.toml").arm
 
 
 @pytest.fixture(scope="module")
@@ -319,7 +301,9 @@ REFUSED = {
                       '<link name="hand"><inertial><mass value="-1"/>'), "link 'hand': mass = -1"),
     "not XML": (JOINTS, [], ("<robot", "robot"), "cannot be read as a URDF"),
     "cut short": (JOINTS, [], ("</robot>", ""), "cannot be read as a URDF: no element found"),
-    "another root": (JOINTS, [], ("robot", "sdf"), "its root is not <robot>"),
+    "another root": (JOINTS, [], ("robot", "sdf"), "its root is <sdf>, must be <robot>"),
+    "MJCF": (JOINTS, [], ("robot", "mujoco"), "MuJoCo's MJCF, which is not read: give the robot's"),
+    "no name": (JOINTS, [], ('<link name="hand">', "<link>"), "lacks the attribute 'name'"),
     "xacro": (JOINTS, [], (">", f" {XACRO}><xacro:macro/>", 1), "cannot be read as a URDF"),
     "no link": (JOINTS, [], ('<child link="hand"/>', '<child link="nothing"/>'), "'nothing'"),
     "same names": (JOINTS, [], ('<joint name="lift"', '<joint name="turn"'), "called 'turn'"),

@@ -15,6 +15,7 @@ from builders import varied
 from hostile import toml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from throwplan.problems import jobs_names, load_jobs
 
 #: Only what has no default: a hand that throws.
 LEAST = """
@@ -78,9 +79,24 @@ def test_a_built_in_scene_is_self_contained_and_can_be_copied(name, tmp_path, mo
 def test_scenes_prints_a_line_each_and_one_object(run) -> None:
     said = run("scenes")
     assert (said.status, said.err) == (0, "")
-    assert [line.split()[0] for line in said.out.splitlines()] == tp.scene_names()
+    scenes, _, jobs = said.out.partition("\n\njobs, for throwplan cycle:\n")
+    for names, lines in ((tp.scene_names(), scenes), (jobs_names(), jobs)):
+        assert [line.split()[0] for line in lines.splitlines()] == names
+        assert all(len(line.split()) > 5 for line in lines.splitlines())
     said = run("scenes --json")
     assert set(said.json["scenes"]) == set(tp.scene_names()) and said.err == ""
+    assert set(said.json["jobs"]) == set(jobs_names())
+
+
+@pytest.mark.parametrize("name", jobs_names())
+def test_shipped_jobs_can_be_copied(name, tmp_path, monkeypatch, run, refused) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = run("scenes --write", name)
+    assert said.status == 0 and f"{name}.toml" in said.out
+    copy, shipped = load_jobs(tmp_path / f"{name}.toml"), load_jobs(name)
+    assert copy == shipped
+    assert f"did you mean '{name}'" in refused("scenes --write", name[:-1])
+    assert f"no scene '{name}': these are jobs, for throwplan cycle" in refused("plan", name)
 
 
 def test_uncertainty_is_data_and_leaves_the_plan_alone() -> None:

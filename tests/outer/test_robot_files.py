@@ -1,0 +1,158 @@
+"""`import-robot` with robots' files as makers write them: rounded angles, placeholders, xacro."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from imports import PANDA_JOINTS, PANDA_OPTIONS, PANDA_URDF, imported
+from planar_urdf import JOINTS, ODD_OPTIONS, XACRO, planar_urdf
+
+RIGHT = "1.5707963267948966"
+CHAIN = ["--joints", *JOINTS, *ODD_OPTIONS]
+
+
+def rounded(folder: Path, angle: str) -> Path:
+    """The Panda's URDF with its right angles written in another way."""
+    path = folder / "rounded.urdf"
+    path.write_text(PANDA_URDF.read_text().replace(RIGHT, angle))
+    return path
+
+
+# Angles.
+
+
+# Doosan's way of writing, and one as far off as 3.14 is from pi.
+@pytest.mark.parametrize(("angle", "off"), [("1.571", "0.012"), ("1.5692", "0.091")])
+def test_nearly_right_angles_are_right_and_said(angle, off, tmp_path, run) -> None:
+    exact = imported(tmp_path, PANDA_URDF, PANDA_JOINTS, *PANDA_OPTIONS)
+    assert imported(tmp_path, rounded(tmp_path, angle), PANDA_JOINTS, *PANDA_OPTIONS) == exact
+    assert f"panda_joint2 ({off} deg off)" in (tmp_path / "arm.toml").read_text()
+    words = ["--joints", *PANDA_JOINTS, *PANDA_OPTIONS, "--force", "--out", tmp_path / "arm.toml"]
+    said = run("import-robot", rounded(tmp_path, angle), *words)
+    (line,) = [line for line in said.out.splitlines() if "multiples of 90 deg" in line]
+    # All joints of the Panda but the first have a right angle, the flange has none.
+    assert re.findall(rf"panda_joint(\d) \({off} deg off\)", line) == list("234567")
+    exactly = run("import-robot", PANDA_URDF, *words)
+    assert exactly.status == 0 and "multiples of 90 deg" not in exactly.out
+
+
+def test_an_arm_out_of_its_plane_is_refused_with_the_joint_and_its_angle(
+    tmp_path, refused, untouched
+) -> None:
+    file = rounded(tmp_path, "1.58")  # 0.527 deg more
+    untouched()
+    words = ["import-robot", file, "--out", tmp_path / "arm.toml"]
+    line = refused(*words, "--joints", *PANDA_JOINTS, *PANDA_OPTIONS)
+    assert "vertical plane of the azimuth joint: the axis of 'panda_joint2' is 0.527 deg" in line
+    # No command line is proposed that would not work.
+    said = refused(*words, lines=3)
+    assert "--tool is missing" in said and "with values to try" not in said
+    assert re.search(r"'panda_joint\d' is [\d.]+ deg off .*; tried: throwplan import-robot", said)
+
+
+def test_an_axis_a_little_off_the_others_is_named(tmp_path, refused) -> None:
+    head, joint, rest = PANDA_URDF.read_text().partition('<joint name="panda_joint4"')
+    (tmp_path / "off.urdf").write_text(head + joint + rest.replace("0 0 1", "5e-4 0 1", 1))
+    words = ["--joints", *PANDA_JOINTS, *PANDA_OPTIONS, "--out", tmp_path / "arm.toml"]
+    line = refused("import-robot", tmp_path / "off.urdf", *words)
+    assert "the axis of 'panda_joint4' is 0.0286 deg off its normal; change" in line
+
+
+# Torques.
+
+
+def test_limits_that_do_not_hold_the_arm_are_said_and_refused_in_a_scene(
+    tmp_path, run, refused
+) -> None:
+    file = tmp_path / "odd.urdf"
+    file.write_text(planar_urdf())
+    words = [file, *CHAIN, "--torque", "150", "--out", tmp_path / "strong.toml"]
+    strong = run("import-robot", *words)
+    assert strong.status == 0 and "at rest" not in strong.out
+    weak_torques = ["--torque", "150", "1", "150", "150"]
+    arm = imported(tmp_path, file, JOINTS, *ODD_OPTIONS, *weak_torques)
+    words = [file, *CHAIN, *weak_torques, "--out", tmp_path / "weak.toml"]
+    weak = run("import-robot", *words, "--json").json["weak"]
+    assert list(weak) == ["lift"] and weak["lift"][1] == 1.0
+    said = run("import-robot", *words, "--force")
+    assert f"do not hold the arm at rest in all poses: lift needs {weak['lift'][0]:.3g}" in said.out
+    scene = tmp_path / "scene.toml"
+    line = refused("plan", scene)
+    assert "joint 2 needs up to" in line and "its limit is 1 N m" in line
+    assert "[limits] torque in the arm's file or [torque] limits" in line
+    # In a given start the torque is the weights' about the joint.
+    start = np.array([0.3, -0.2, 0.4])
+    degrees = np.degrees(start).tolist()
+    scene.write_text(scene.read_text().replace("[robot]", f"[robot]\nstart_deg = {degrees}"))
+    words = r"joint 2 needs ([\d.]+) N m to hold the arm and the object at rest in \[robot\] start"
+    said_torque = float(re.search(words, refused("plan", scene))[1])
+    q = np.array(arm.posture)
+    q[[joint - 1 for joint in arm.throwing_joints]] = start
+    *frames, flange, pads = arm.placed(q)
+    places = [*frames, np.hstack([pads[:, :3], flange[:, 3:]])]
+    loaded = tp.load_scene(scene)
+    angle = loaded.grasp.angle
+    along = np.cos(angle) * pads[:3, 2] + np.sin(angle) * np.cross([0, -1, 0], pads[:3, 2])
+    weights = [
+        (link.mass, pose @ [*link.com, 1.0])
+        for pose, link in zip(places[1:], arm.links[1:], strict=True)
+    ]
+    weights.append((loaded.object.mass, pads[:3, 3] + loaded.body.com_offset * along))
+    torque = sum(9.81 * mass * (com[0] - frames[1][0, 3]) for mass, com in weights)
+    assert said_torque == pytest.approx(abs(torque), rel=5e-3)
+
+
+# xacro.
+
+
+def xacro(folder: Path, head: str = "") -> Path:
+    """The planar arm as a xacro whose tool link's name is an argument."""
+    text = planar_urdf().replace('"hand"', '"$(arg hand)"')
+    path = folder / "odd.urdf.xacro"
+    path.write_text(text.replace('<robot name="odd">', f'<robot name="odd" {XACRO}>{head}'))
+    return path
+
+
+def test_arguments_of_a_xacro_are_given_behind_the_file(tmp_path, run, refused, untouched) -> None:
+    out = ["--out", tmp_path / "arm.toml"]
+    file = xacro(tmp_path)
+    untouched()
+    line = refused("import-robot", file, *CHAIN, *out)
+    assert "its xacro argument 'hand' has no value: add hand:=VALUE behind the file" in line
+    xacro(tmp_path, '<xacro:arg name="hand" default="other"/>')
+    untouched()
+    line = refused("import-robot", file, "hend:=hand", *CHAIN, *out)
+    assert "no argument 'hend', did you mean 'hand'? (it has: hand)" in line
+    assert "--tool: no link 'hand'" in refused("import-robot", file, *CHAIN, *out)
+    assert "hand=x: must be NAME:=VALUE" in refused("import-robot", file, "hand=x", *CHAIN, *out)
+    plain = tmp_path.parent / "plain.urdf"
+    plain.write_text(planar_urdf())
+    line = refused("import-robot", plain, "hand:=hand", *CHAIN, *out)
+    assert "hand:=hand: only a xacro file takes arguments" in line
+    found = run("import-robot", file, "hand:=hand", *CHAIN, "--out", plain.with_suffix(".toml"))
+    assert found.status == 0 and "hand hand" in found.out
+
+
+def test_a_xacro_s_missing_package_and_macros_alone_are_one_clear_line(
+    tmp_path, run, refused, monkeypatch
+) -> None:
+    words = [*CHAIN, "--out", tmp_path / "arm.toml"]
+    include = '<xacro:arg name="hand" default="hand"/><xacro:include filename="$(find my_arm)/a"/>'
+    line = refused("import-robot", xacro(tmp_path, include), *words)
+    assert line.count("my_arm") == 1 and "class" not in line
+    assert "'my_arm' is not found: the environment variable ROS_PACKAGE_PATH must name" in line
+    # The remedy that it names is one.
+    package = tmp_path / "workspace" / "my_arm"
+    package.mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>my_arm</name></package>")
+    (package / "a").write_text(f"<robot {XACRO}/>")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(package.parent))
+    assert run("import-robot", xacro(tmp_path, include), *words).status == 0
+    macros = tmp_path / "macros.xacro"
+    macros.write_text(f'<robot {XACRO}><xacro:macro name="arm" params="a"/></robot>')
+    line = refused("import-robot", macros, *words)
+    assert "no links; of a file that only defines xacro macros, give the one that calls" in line
