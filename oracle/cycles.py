@@ -193,7 +193,8 @@ class _CycleJudge:
                 flown = self.flown[other["pick"]]
                 for how, axes in ("is carried", Carried.of(earlier).placed(pads)), ("flies", flown):
                     for axis, radius in axes:
-                        away = shapes.between_segments(*axis, *mine[0]).min() - radius - mine[1]
+                        away = shapes.between_segments(*axis, *mine[0]).min(initial=math.inf)
+                        away -= radius + mine[1]
                         if away < WAITING - NEAR:
                             words = f"{other['pick']} as it {how}, {step['pick']} at its pick"
                             yield f"{words}: {away:.4f}"
