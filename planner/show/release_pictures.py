@@ -14,8 +14,9 @@ from ...models import Array
 from ...models.release import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
 from ..simulation import Simulation, given_hand
 from ..throw import case_of
-from .style import ARM, PHASES, new_figure, save
-from .throw_picture import bar_corners, hand_corners
+from .drawings import draw_bars
+from .style import ARM, PHASES, new_figure, put_title, save
+from .throw_picture import hand_corners
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,7 +58,7 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> N
     for axes in grid[2]:
         axes.set_title("difference to the time stepping", loc="left", fontsize=9)
     title = f"{scene.name}: release, CoM offset {1e3 * float(case.body.com_offset):.3g} mm"
-    figure.suptitle(f"{title} (areas: modes of the sliding pivot)", fontsize=11)
+    put_title(figure, f"{title} (areas: modes of the sliding pivot)")
     entries = grid[0, 0].get_legend_handles_labels()
     figure.legend(*entries, loc="outside lower center", ncols=3, fontsize=9)
     save(figure, path)
@@ -78,8 +79,8 @@ def _draw_bars(
         phase = [name for name, begin in starts.items() if begin is not None and begin <= time][-1]
         colour, label = PHASES[phase], None if phase in named else phase
         named.add(phase)
-        corners = bar_corners(scene.object, com)
-        axes.fill(*corners.T, fc=(colour, 0.3), ec=colour, lw=1.2, label=label)
+        look: dict[str, Any] = {"fc": (colour, 0.3), "ec": colour, "lw": 1.2, "label": label}
+        draw_bars(axes, scene.object, com, **look)
     for time, alpha in ((0.0, 0.3), (opening, 0.8)):
         hand = hand_corners(scene, np.ravel(case.hand.at(np.array([time])).pose))
         axes.fill(*hand.T, color=ARM, alpha=alpha, lw=0, zorder=0)

@@ -1,7 +1,8 @@
-"""The style of all pictures: colours, resolution, figures, cups."""
+"""The style of all pictures: colours, resolution, figures, titles."""
 
 from __future__ import annotations
 
+import textwrap
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,6 +36,25 @@ def new_figure(width: float, height: float) -> Figure:
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def put_title(figure: Figure, words: str, size: float = 11.0) -> None:
+    """A title at the upper left, at most as wide as the figure: longer lines are broken."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+
+    font = FontProperties(size=size)
+    room, characters = 72 * (0.98 * figure.get_figwidth() - 0.1), 200
+
+    def width(line: str) -> float:
+        return float(text_to_path.get_text_width_height_descent(line, font, ismath=False)[0])
+
+    while True:
+        lines = [part for line in words.split("\n") for part in textwrap.wrap(line, characters)]
+        if characters < 20 or max(map(width, lines), default=0.0) <= room:
+            break
+        characters = int(0.95 * characters)
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=size)
 
 
 def save(figure: Figure, path: Path) -> None:
