@@ -254,7 +254,7 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
         axis.legend(fontsize=8)
     for axis in axes:
         axis.grid(alpha=0.25)
-        axis.set_xlim(max(0.0, 1e3 * line.marks["command"] - 120.0), 1e3 * line.marks["landing"])
+        axis.set_xlim(1e3 * line.marks["command"] - 120.0, 1e3 * line.marks["landing"])
         for moment in line.marks.values():
             axis.axvline(1e3 * moment, color="#999999", lw=0.8, ls=":")
     # At different places: the moments may be close together.

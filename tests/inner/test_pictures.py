@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import varied
-from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.path import Path
@@ -220,11 +219,13 @@ def test_a_round_obstacle_is_cut_thinner_beside_its_middle(kind: str) -> None:
         expected = np.pi * radius**2 + (kind == "capsule") * 0.6 * 2 * radius
         assert area(section) == pytest.approx(expected, rel=0.005)
     assert Obstacle("post", kind, size, (0.5, 0.051, 0.3)).solid.section() is None
-    # A capsule along x leans out of the plane by yaw: an ellipse about the place where it crosses.
-    if kind == "capsule":
-        leaning = Obstacle("post", kind, size, (0.5, 0.0, 0.3), np.radians(60.0), np.pi / 2)
-        expected = np.pi * 0.05**2 / np.sin(np.radians(60.0))
-        assert area(leaning.solid.section()) == pytest.approx(expected, rel=0.005)
+
+
+def test_a_rod_across_the_plane_is_cut_as_an_ellipse() -> None:
+    # Along x by its pitch, then turned by 60 degrees out of the plane.
+    turn = np.radians(60.0)
+    rod = Obstacle("rod", "capsule", (0.05, 0.6), (0.5, 0.0, 0.3), yaw=turn, pitch=np.pi / 2)
+    assert area(rod.solid.section()) == pytest.approx(np.pi * 0.05**2 / np.sin(turn), rel=0.005)
 
 
 def test_an_outline_is_filled_where_its_capsules_are(saved) -> None:
