@@ -15,7 +15,7 @@ from ...models.release import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
 from ..simulation import Simulation, given_hand
 from ..throw import case_of
 from .drawings import draw_bars
-from .style import ARM, PHASES, new_figure, put_title, save
+from .style import ARM, PHASES, new_figure, save
 from .throw_picture import hand_corners
 
 if TYPE_CHECKING:
@@ -35,7 +35,8 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> N
     time stepping, for convergent models. A failed run appears in the legend only.
     """
     case = case_of(scene, given_hand(scene))
-    figure = new_figure(9.1, 9.9)
+    title = f"{scene.name}: release, CoM offset {1e3 * float(case.body.com_offset):.3g} mm"
+    figure = new_figure(9.1, 9.9, f"{title} (areas: modes of the sliding pivot)")
     parts = figure.add_gridspec(4, 2, height_ratios=(1.3, 1, 1, 1))
     stage = figure.add_subplot(parts[0, :])
     grid = np.array([[figure.add_subplot(parts[i, j]) for j in (0, 1)] for i in (1, 2, 3)])
@@ -57,8 +58,6 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> N
         _shade(axes, pivot, case.grip.opening)
     for axes in grid[2]:
         axes.set_title("difference to the time stepping", loc="left", fontsize=9)
-    title = f"{scene.name}: release, CoM offset {1e3 * float(case.body.com_offset):.3g} mm"
-    put_title(figure, f"{title} (areas: modes of the sliding pivot)")
     entries = grid[0, 0].get_legend_handles_labels()
     figure.legend(*entries, loc="outside lower center", ncols=3, fontsize=9)
     save(figure, path)

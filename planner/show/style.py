@@ -18,6 +18,8 @@ GREEN = "#2a9d6f"
 TEAL = "#2a788e"
 PURPLE = "#8b6bb1"
 BLACK = "#222222"
+#: Size [pt] of a picture's title.
+TITLE = 10
 #: Colour of arm and hand.
 ARM = "#3d4450"
 #: Colours of the phases of a throw, in their order.
@@ -31,30 +33,34 @@ PHASES = {
 }
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of `width` x `height` [in], with no window and no global state."""
+def new_figure(width: float, height: float, title: str = "") -> Figure:
+    """A figure of `width` x `height` [in], with no window and no global state.
+
+    title: at the upper left; lines longer than the figure is wide are broken.
+    """
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
+    if title:
+        words = _broken(title, 72 * (width - 0.3))
+        figure.suptitle(words, x=0.01, ha="left", fontsize=TITLE)
+    return figure
 
 
-def put_title(figure: Figure, words: str, size: float = 11.0) -> None:
-    """A title at the upper left, at most as wide as the figure: longer lines are broken."""
+def _broken(words: str, room: float) -> str:
+    """The words of a title on lines of at most `room` [pt]."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 
-    font = FontProperties(size=size)
-    room, characters = 72 * (0.98 * figure.get_figwidth() - 0.1), 200
-
-    def width(line: str) -> float:
-        return float(text_to_path.get_text_width_height_descent(line, font, ismath=False)[0])
-
+    font, characters = FontProperties(size=TITLE), 200
     while True:
         lines = [part for line in words.split("\n") for part in textwrap.wrap(line, characters)]
-        if characters < 20 or max(map(width, lines), default=0.0) <= room:
-            break
+        widths = [
+            text_to_path.get_text_width_height_descent(line, font, False)[0] for line in lines
+        ]
+        if characters < 10 or max(widths, default=0.0) <= room:
+            return "\n".join(lines)
         characters = int(0.95 * characters)
-    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=size)
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -14,7 +14,7 @@ from ...models import Array, Indices
 from ..clearance import palm_corners
 from ..throw import column_of
 from .drawings import bar_path, cup_profile, draw_bars, draw_cup
-from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, new_figure, put_title, save
+from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, new_figure, save
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
@@ -49,7 +49,11 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     `load_curve`.
     """
     line, scene = timeline(throw), throw.scene
-    figure = new_figure(12.5, 7.8)
+    dx, dtheta = throw.deciding.miss(throw.target)
+    angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
+    title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
+    title += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n{throw.grip_words}"
+    figure = new_figure(12.5, 7.8, title)
     halves = figure.add_gridspec(1, 2, width_ratios=(1.7, 1))
     grid = halves[1].subgridspec(4, 1, height_ratios=(1.4, 1, 1, 1))
     stage = figure.add_subplot(halves[0])
@@ -58,11 +62,6 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     _draw_bars(stage, scene.object, line)
     frame_stage(stage, scene, throw.target, line)
     _draw_release(figure.add_subplot(grid[0]), scene, line)
-    dx, dtheta = throw.deciding.miss(throw.target)
-    angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
-    words = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
-    words += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n{throw.grip_words}"
-    put_title(figure, words, 10)
     plots = [figure.add_subplot(grid[i]) for i in (1, 2, 3)]
     for axes in plots[:2]:
         axes.sharex(plots[2])
@@ -74,9 +73,18 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
         label = f"load while the pads may open,\nat most {100 * use.max():.1f} %"
         plots[-1].plot(times, use, color=GREEN, lw=2, label=label)
         plots[-1].legend(fontsize=8)
+    _lay_out(figure)
     if path is not None:
         save(figure, path)
     return figure
+
+
+def _lay_out(figure: Figure) -> None:
+    """Compute the layout once; then the limits of equal axes, which its passes widen."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.autoscale_view()
 
 
 def _flight_words(throw: Throw) -> str:
@@ -152,8 +160,13 @@ def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None
         outlines.append(np.array([[low[0], scene.bounds.floor]]))
     points = np.clip(np.vstack([*outlines, [low, high]]), low - 0.4, high + 0.4)
     low, high = points.min(axis=0) - 0.06, points.max(axis=0) + 0.06
-    stage.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="z [m]")
-    stage.set_aspect("equal")
+    # Not as limits, which Matplotlib would warn to widen for equal axes.
+    stage.dataLim.set_points(np.array([low, high]))
+    stage.margins(0.0)
+    stage.autoscale_view()
+    stage.set(xlabel="x [m]", ylabel="z [m]")
+    # Filling its place: the layout makes no room for labels around a shrunken one.
+    stage.set_aspect("equal", adjustable="datalim")
     stage.grid(alpha=0.25)
     figure: Any = stage.figure
     entries = stage.get_legend_handles_labels()
@@ -333,9 +346,7 @@ def _frames(throw: Throw, line: Timeline, indices: Indices) -> Iterator[Pixels]:
         label.set_text(frame_words(line, i))
 
     show(0)
-    # The layout is computed once, not for every frame.
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    _lay_out(figure)
     children = sorted(stage.get_children(), key=lambda artist: artist.get_zorder())
     # Grid, floor and fixed bodies are behind; the trail is the first that moves.
     front = [artist for artist in children if artist.get_zorder() >= trail.get_zorder()]
