@@ -192,6 +192,20 @@ def test_no_text_of_a_plans_pictures_is_cut(name: str, plan_of, tmp_path, writte
     assert [cut_texts(figure) for figure in written] == [[]] * len(written)
 
 
+def test_the_landings_of_a_sweep_show_what_succeeds(cup_plan, tmp_path, written) -> None:
+    sweep = tp.sweep(cup_plan, samples=300)
+    sweep.save(tmp_path / "sweep")
+    axes = written[0].axes[0]
+    points = {dots.get_label(): len(dots.get_offsets()) for dots in axes.collections}
+    wins = int(sweep.success.sum())
+    assert points == {"succeeds into the cup": wins, "fails": 300 - wins} and 0 < wins < 300
+    # The tolerance's box holds another share, and the cup decides.
+    inside = 100 * sweep.landings.in_tolerance.mean()
+    assert inside < 50
+    (box,) = axes.patches
+    assert box.get_label() == f"tolerance: {inside:.1f} % inside\n(the cup decides, not this)"
+
+
 def area(corners: np.ndarray) -> float:
     """Area [m²] of a polygon (N, 2)."""
     x, z = corners.T
