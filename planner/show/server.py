@@ -14,8 +14,6 @@ import webbrowser
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
 from ...interrupts import INTERRUPTS
 from ...problems import InputError
 from .cycle_view import CycleView, SpaceCycle
@@ -25,8 +23,6 @@ from .view import View
 from .view_throw import SpaceThrow
 
 HOST = "127.0.0.1"
-#: Half the panel's width over the camera's distance: 160 px of a page 900 px high, seen at 40°.
-PANEL = 0.13
 #: Playback speeds over real time, by their labels.
 SPEEDS = {"1": 1.0, "1/5": 0.2, "1/20": 0.05}
 
@@ -163,21 +159,11 @@ class Player:
                 self.go(1e-3 * self.slider.value)
 
 
-def _aim_beside_panel(camera: Any) -> None:
-    """Moves the camera to its right, so that the page's middle left of the panel shows its aim."""
-    ahead = np.asarray(camera.look_at) - camera.position
-    right = np.cross(ahead, camera.up)
-    aside = PANEL * np.linalg.norm(ahead) * right / np.linalg.norm(right)
-    look_at, position = camera.look_at + aside, camera.position + aside
-    camera.look_at, camera.position = look_at, position
-
-
 class CyclePanel(Player):
     """The player of a cycle's view."""
 
     def __init__(self, server: Any, cycle: SpaceCycle) -> None:
         self.view, self.cycle = CycleView(server, cycle), cycle
-        _aim_beside_panel(server.initial_camera)
         super().__init__(server.gui, float(cycle.times[-1]), "1")
         self.go(0.0)
 
@@ -192,7 +178,6 @@ class Panel(Player):
 
     def __init__(self, server: Any, throw: SpaceThrow) -> None:
         self.view, self.throw = View(server, throw), throw
-        _aim_beside_panel(server.initial_camera)
         super().__init__(server.gui, float(throw.line.times[-1]), "1/5")
         self.release = server.gui.add_button(
             "go to the release", hint="the opening: the force starts to fall"

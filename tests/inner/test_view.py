@@ -80,8 +80,8 @@ def test_the_camera_sees_the_whole_throw(space: Any, panel: Any) -> None:
     depth, half = away @ forward, np.tan(camera.fov / 2)
     assert depth.min() > 0.1
     assert np.abs(away @ np.cross(right, forward) / depth).max() < half
-    # On a page of 1300 x 900 pixels, left of the panel, which is 322 pixels wide.
-    pixels = 650 + 450 * away @ right / depth / half
+    # Of a page of 1300 x 900 pixels the panel takes 322 at the right.
+    pixels = (1300 - 322) / 2 + 450 * away @ right / depth / half
     assert pixels.min() > 0 and pixels.max() < 1300 - 322
 
 
