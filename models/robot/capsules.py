@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -44,6 +45,31 @@ class Solid(ReadOnly):
         ways = np.column_stack([np.cos(angles), 0 * angles, np.sin(angles)])
         corners = np.sign(ways @ self.axes.T) * self.half @ self.axes
         return np.asarray((self.centre + corners + self.radius * ways)[:, [0, 2]])
+
+    def section(self) -> Array | None:
+        """Outline (N, 2) of its section with the plane y = 0: x, z [m]; None beside the plane."""
+        from scipy.spatial import ConvexHull, QhullError
+
+        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+        corners = self.centre + np.unique(signs * self.half, axis=0) @ self.axes
+        pairs = np.array(list(itertools.combinations_with_replacement(range(len(corners)), 2)))
+        begin, end = corners[pairs].transpose(1, 0, 2)
+        rise = end[:, 1] - begin[:, 1]
+        crossing = np.clip(-begin[:, 1] / np.where(rise == 0.0, 1.0, rise), 0.0, 1.0)[:, None]
+        # Balls of the radius about points between all corners; of a box, where the plane is.
+        shares = np.linspace(0.0, 1.0, 61 if self.radius else 2)
+        shares = np.hstack([np.tile(shares, (len(pairs), 1)), crossing])[..., None]
+        middle = (begin[:, None] + shares * (end - begin)[:, None]).reshape(-1, 3)
+        middle = middle[np.abs(middle[:, 1]) <= self.radius + 1e-9]
+        cut = np.sqrt(np.maximum(self.radius**2 - middle[:, 1] ** 2, 0.0))[:, None, None]
+        angles = np.linspace(0.0, 2 * np.pi, 90 if self.radius else 1, endpoint=False)
+        circle = np.column_stack([np.cos(angles), np.sin(angles)])
+        points = (middle[:, None, [0, 2]] + cut * circle).reshape(-1, 2)
+        try:
+            return np.asarray(points[ConvexHull(points).vertices])
+        except (QhullError, ValueError):
+            # No point, or the plane touches it.
+            return None
 
 
 def about_z(angle: float) -> Array:

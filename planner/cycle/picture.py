@@ -27,11 +27,10 @@ COLOURS = {
 
 def draw_cycle(cycle: Cycle, path: Path) -> None:
     """Draw a solved cycle: timeline above, floor plan below."""
-    figure = new_figure(9.5, 5.0 + 0.3 * len(cycle.steps))
+    figure = new_figure(9.5, 5.0 + 0.3 * len(cycle.steps), f"{cycle.name}: {cycle.message}")
     above, below = figure.subplots(2, 1, height_ratios=[1.0 + 0.3 * len(cycle.steps), 4.0])
     _draw_times(above, cycle)
     _draw_floor(below, cycle)
-    above.set_title(f"{cycle.name}: {cycle.message}", loc="left", fontsize=10)
     save(figure, path)
 
 

@@ -216,7 +216,7 @@ def _picture(found: Calibrated) -> Figure:
     known = found.section
     points, (x, theta) = found.residuals.landing * UNITS, np.array(known.bias) * UNITS
     wide, high = np.array([known.position, known.angle]) * UNITS
-    figure = new_figure(6.4, 5.6)
+    figure = new_figure(6.4, 5.6, f"{found.source}: {region_words(known)}")
     axis = figure.add_subplot()
     axis.axhline(0.0, color=GREY, lw=0.8)
     axis.axvline(0.0, color=GREY, lw=0.8)
@@ -232,7 +232,6 @@ def _picture(found: Calibrated) -> Figure:
         x, theta, errors[1][:, None], errors[0][:, None], color=RED, capsize=4, label="bias"
     )
     axis.set(xlabel="x measured − predicted [mm]", ylabel="θ measured − predicted [deg]")
-    axis.set_title(f"{found.source}: {region_words(known)}", loc="left", fontsize=10)
     axis.grid(alpha=0.25)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure

@@ -211,7 +211,9 @@ def save_identified(found: list[Identified], folder: Path) -> None:
 def _contact_picture(found: Identified) -> Figure:
     """Prior and fit with 95 % regions over mu and r_p, and the truth of a synthetic data set."""
     fit, truth = found.posterior, found.data.truth
-    figure = new_figure(7.6, 6.0)
+    title = f"{MODELS[found.model].title}, {len(found.data.throws)} throws"
+    words = f"fit: μ r_p {1e3 * fit.product:.3f} mm ± {100 * fit.product_deviation:.1f} %"
+    figure = new_figure(7.6, 6.0, f"{title}\n{words}")
     axis = figure.add_subplot()
     if found.prior is not None:
         _draw_belief(axis, found.prior, "prior, 95 % region", GREY)
@@ -224,9 +226,6 @@ def _contact_picture(found: Identified) -> Figure:
         mu, radius = truth["friction"] * truth.get("grip_scale", 1.0), 1e3 * truth["patch_radius"]
         axis.plot(mu, radius, "*", color=BLUE, ms=14, mec="white", ls="none", label="truth")
     axis.set(xlabel="friction μ", ylabel="patch radius r_p [mm]")
-    title = f"{MODELS[found.model].title}, {len(found.data.throws)} throws"
-    words = f"fit: μ r_p {1e3 * fit.product:.3f} mm ± {100 * fit.product_deviation:.1f} %"
-    axis.set_title(f"{title}\n{words}", loc="left", fontsize=10)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 

@@ -112,6 +112,14 @@ def draw_reach(space: Any, rows: Array, scene: Scene, target: Pose, floor: float
     return frame
 
 
+def reach_legend() -> str:
+    """What the bands' colours mean, as HTML."""
+    square = '<span style="color:{}">&#9632;</span>'
+    words = f"{square.format(ORANGE)} at a limit to {square.format(BLUE)} with room to spare"
+    text = f"floor: where throws land at the target's height and angle, {words}"
+    return f'<div style="padding:0 1em 0.5em;font-size:0.875em;line-height:1.6">{text}</div>'
+
+
 def lift_reach(node: Any, floor: float) -> None:
     """Moves the bands to just above the floor [m]."""
     node.position = (0.0, 0.0, floor + 0.002)

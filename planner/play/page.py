@@ -26,6 +26,7 @@ from .around import (
     draw_cloud,
     draw_reach,
     lift_reach,
+    reach_legend,
     sweep_delays,
     with_delay,
 )
@@ -87,6 +88,7 @@ class PlayPage:
         self._add_controls(server)
         self._add_buttons(server.gui)
         self.panel = Panel(server, space_throw(throw_of(plan)))
+        server.gui.add_html(reach_legend())
         view = self.panel.view
         self.panel.go(self.panel.throw.throw.opening_time)
         self._drawn: dict[str, Any] = {}
@@ -119,14 +121,19 @@ class PlayPage:
         """Numbers and sliders, and arrows at the target that drag it."""
         gui, scene, base = server.gui, self._scene, self._base
         free = (True, scene.robot is not None, scene.cup is None)
+        # A range moves with its middle.
+        middle_x, middle_angle = (", middle" if half else "" for half in base.half_widths)
+        labels = f"x{middle_x} [m]", "y [m]", "z [m]"
         self.place = [
-            gui.add_number(f"{name} [m]", getattr(base, name), step=0.001, visible=moves)
-            for name, moves in zip("xyz", free, strict=True)
+            gui.add_number(label, getattr(base, name), step=0.001, visible=moves)
+            for name, label, moves in zip("xyz", labels, free, strict=True)
         ]
         self.theta = self.opening = None
         if base.theta is not None:
             at = math.degrees(base.theta)
-            self.theta = gui.add_slider("angle [deg]", at - 180.0, at + 180.0, 1.0, at)
+            self.theta = gui.add_slider(
+                f"angle{middle_angle} [deg]", at - 180.0, at + 180.0, 1.0, at
+            )
         low, high = SETTINGS.slider_range
         at = scene.contact.friction
         self.friction = gui.add_slider("friction", low * at, high * at, 0.01, at)
@@ -346,7 +353,10 @@ def plan_words(plan: Plan) -> str:
     if plan.throw is None or not plan.solved:
         name = plan.status.replace("_", " ")
         return f"**{name}**: {plan.message.removeprefix(f'{name}: ')}; {took}"
-    landings = []
+    landings, place = [], ""
+    if plan.goal.is_region:
+        landing = plan.throw.deciding.landing
+        place = f"lands at {plan.goal.in_plane(landing.x, landing.theta).words}; "
     for model, name in ((STEPPED_SURFACE, "limit surface"), (SLIDING_PIVOT, "sliding pivot")):
         x, theta = plan.throw.deciding.with_model(model).miss(plan.goal)
         turn = "" if plan.goal.theta is None else f", {math.degrees(abs(theta)):.2f}°"
@@ -356,4 +366,4 @@ def plan_words(plan: Plan) -> str:
         landings.append(f"robust by {plan.robust}")
     if plan.rests is not None:
         landings.append(plan.rests.words)
-    return f"**solved**: landing error {'; '.join(landings)}; planned in {took}"
+    return f"**solved**: {place}landing error {'; '.join(landings)}; planned in {took}"

@@ -238,7 +238,7 @@ def _draw_plane(found: ReachMap, theta: Array, path: Path) -> None:
     """The best margin per bin, contours of the number of throws, and the target."""
     from matplotlib.ticker import MultipleLocator
 
-    figure = new_figure(9.5, 6.6)
+    figure = new_figure(9.5, 6.6, _title(found))
     axes = figure.subplots()
     margin = 100 * found.margin.T
     top = max(float(np.nanmax(margin)), 5.0)
@@ -255,7 +255,6 @@ def _draw_plane(found: ReachMap, theta: Array, path: Path) -> None:
     axes.set(axisbelow=True, xlabel="landing x [m]", ylabel="landing θ [deg]")
     axes.use_sticky_edges = False
     axes.margins(0.02)
-    axes.set_title(_title(found), loc="left", fontsize=10)
     figure.legend(loc="outside lower center", ncols=3, fontsize=9, frameon=False)
     save(figure, path)
 
@@ -316,7 +315,7 @@ def _mark_target(axes: Axes, found: ReachMap, theta: Array) -> None:
 
 def _draw_line(found: ReachMap, path: Path) -> None:
     """Margin and number of throws over x."""
-    figure = new_figure(9.5, 5.4)
+    figure = new_figure(9.5, 5.4, _title(found))
     target = found.scene.aim
     words = "target" if target.z == found.z else f"target's x (it is at z = {target.z:g} m)"
     above, below = figure.subplots(2, 1, sharex=True)
@@ -334,5 +333,4 @@ def _draw_line(found: ReachMap, path: Path) -> None:
         axes.grid(alpha=0.25)
     above.legend(loc="upper left", fontsize=9)
     below.set_xlabel("landing x [m]")
-    above.set_title(_title(found), loc="left", fontsize=10)
     save(figure, path)

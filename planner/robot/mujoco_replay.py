@@ -293,7 +293,11 @@ def landing_of(free: SimulatedFlight, height: float) -> tuple[tuple[float, float
 
 def _draw(replay: Replay, path: Path) -> None:
     """The path of CoM and bar from the opening to the end, at true scale, and where models land."""
-    scene, throw, figure = replay.throw.scene, replay.throw, new_figure(8, 6.4)
+    scene, throw = replay.throw.scene, replay.throw
+    title = f"{scene.name}: thrown in MuJoCo"
+    if replay.rest is not None:
+        title += f", ends {'in' if replay.rest.inside else 'outside'} the cup\n{replay.assumed}"
+    figure = new_figure(8, 6.4, title)
     axes = figure.subplots()
     bar = scene.object
     if scene.cup is not None:
@@ -312,10 +316,6 @@ def _draw(replay: Replay, path: Path) -> None:
         draw_bars(axes, bar, np.array(pose), fc="none", ec=colour, lw=1.2, zorder=7, label=label)
     axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
     axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
-    title = f"{scene.name}: thrown in MuJoCo"
-    if replay.rest is not None:
-        title += f", ends {'in' if replay.rest.inside else 'outside'} the cup\n{replay.assumed}"
-    figure.suptitle(title, fontsize=11)
     save(figure, path)
 
 

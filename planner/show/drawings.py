@@ -2,56 +2,79 @@
 
 from __future__ import annotations
 
-import dataclasses
+import functools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...models import Array
 from ...problems import Cup, InputError, ThrownObject, check_arguments
-from ..clearance import bar_outline, outline_ends
 from .timeline import timeline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.path import Path
 
     from ..throw import Throw
 
 #: Least width [m] of a drawn bar, to be visible.
 LEAST_WIDTH = 0.008
+#: Cells along the longer side of an outline's grid.
+GRID = 240
 
 
-def bar_corners(bar: ThrownObject, com: Array) -> Array:
-    """Corners (N, 2) [m] of the drawn object for a CoM pose x, z [m], theta [rad]."""
-    if bar.outline:
-        ends = outline_ends(bar, com[:, None])[:, 0].T.reshape(-1, 2, 2)
-        radii = bar.capsules[:, 4].tolist()
-        loops = [_capsule_loop(p[0], p[1], r) for p, r in zip(ends, radii, strict=True)]
-        # Back along the way from loop to loop: nothing is between them.
-        return np.vstack([*loops, *[loop[:1] for loop in loops[::-1]]])
-    wide = dataclasses.replace(bar, width=max(bar.width, LEAST_WIDTH))
-    return np.asarray(bar_outline(wide, com[:, None])[:, 0].T)
+def bar_path(bar: ThrownObject, com: Array) -> Path:
+    """Outline [m] of the drawn object for a CoM pose x, z [m], theta [rad]: one or more loops."""
+    from matplotlib.path import Path
+
+    cos, sin = np.cos(com[2]), np.sin(com[2])
+    turn = np.array([[cos, sin], [-sin, cos]])
+    loops = _loops(bar.capsules.tobytes(), bar.com) if bar.outline else (_rectangle(bar),)
+    return Path.make_compound_path(*(Path(com[:2] + p @ turn, closed=True) for p in loops))
 
 
-def _capsule_loop(begin: Array, end: Array, radius: float) -> Array:
-    """Corners (N, 2) [m] around a capsule, counter-clockwise; the last is the first."""
-    first = np.arctan2(*(end - begin)[::-1]) - np.pi / 2
-    turn = first + np.linspace(0.0, 2 * np.pi, 49)
-    middle = np.where(np.arange(49)[:, None] <= 24, end, begin)
-    loop = middle + radius * np.column_stack([np.cos(turn), np.sin(turn)])
-    return np.vstack([loop, loop[:1]])
+def _rectangle(bar: ThrownObject) -> Array:
+    """Corners (5, 2) [m] around a bar, along and across its axis from the CoM."""
+    begin, end, half = -bar.com, bar.length - bar.com, max(bar.width, LEAST_WIDTH) / 2
+    return np.array([[begin, -half], [end, -half], [end, half], [begin, half], [begin, -half]])
+
+
+@functools.lru_cache(maxsize=16)
+def _loops(capsules: bytes, com: float) -> tuple[Array, ...]:
+    """Loops (N, 2) [m] around the union of the capsules, along and across the axis from the CoM.
+
+    They are the contour at distance 0 on a grid of GRID cells along the longer side.
+    """
+    from contourpy import contour_generator
+
+    rows = np.frombuffer(capsules).reshape(-1, 5)
+    begin, end, radius = rows[:, :2], rows[:, 2:4], rows[:, 4]
+    corners = np.vstack([begin, end])
+    low = corners.min(axis=0) - 1.05 * radius.max()
+    high = corners.max(axis=0) + 1.05 * radius.max()
+    cell = (high - low).max() / GRID
+    x, z = (np.arange(a, b + cell, cell) for a, b in zip(low, high, strict=True))
+    points = np.stack(np.meshgrid(x, z), axis=-1)[..., None, :] - begin
+    axis = end - begin
+    share = (points * axis).sum(axis=-1) / np.maximum((axis**2).sum(axis=-1), 1e-12)
+    away = np.linalg.norm(points - np.clip(share, 0.0, 1.0)[..., None] * axis, axis=-1)
+    lines = contour_generator(x, z, (away - radius).min(axis=-1)).lines(0.0)
+    return tuple(np.asarray(line) - [com, 0.0] for line in lines)
 
 
 @check_arguments
 def draw_bars(axes: Axes, bar: ThrownObject, poses: Array, **look: Any) -> None:
     """Fill the object's outline at poses (N, 3) or (3,) of its CoM: x, z [m], theta [rad].
 
-    bar: the scene's object; look: Matplotlib's settings of a polygon. InputError for other shapes.
+    bar: the scene's object; look: Matplotlib's settings of a patch. InputError for other shapes.
     """
     if poses.ndim not in (1, 2) or poses.shape[-1] != 3 or not np.isfinite(poses).all():
         raise InputError("poses: must be rows of x, z, theta, finite numbers")
+    from matplotlib.patches import PathPatch
+
     for pose in np.atleast_2d(poses):
-        axes.fill(*bar_corners(bar, pose).T, **look)
+        axes.add_patch(PathPatch(bar_path(bar, pose), **look))
+    axes.autoscale_view()
 
 
 def cup_profile(cup: Cup) -> Array:

@@ -14,8 +14,9 @@ from ...models import Array
 from ...models.release import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
 from ..simulation import Simulation, given_hand
 from ..throw import case_of
+from .drawings import draw_bars
 from .style import ARM, PHASES, new_figure, save
-from .throw_picture import bar_corners, hand_corners
+from .throw_picture import hand_corners
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +35,8 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> N
     time stepping, for convergent models. A failed run appears in the legend only.
     """
     case = case_of(scene, given_hand(scene))
-    figure = new_figure(9.1, 9.9)
+    title = f"{scene.name}: release, CoM offset {1e3 * float(case.body.com_offset):.3g} mm"
+    figure = new_figure(9.1, 9.9, f"{title} (areas: modes of the sliding pivot)")
     parts = figure.add_gridspec(4, 2, height_ratios=(1.3, 1, 1, 1))
     stage = figure.add_subplot(parts[0, :])
     grid = np.array([[figure.add_subplot(parts[i, j]) for j in (0, 1)] for i in (1, 2, 3)])
@@ -56,8 +58,6 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> N
         _shade(axes, pivot, case.grip.opening)
     for axes in grid[2]:
         axes.set_title("difference to the time stepping", loc="left", fontsize=9)
-    title = f"{scene.name}: release, CoM offset {1e3 * float(case.body.com_offset):.3g} mm"
-    figure.suptitle(f"{title} (areas: modes of the sliding pivot)", fontsize=11)
     entries = grid[0, 0].get_legend_handles_labels()
     figure.legend(*entries, loc="outside lower center", ncols=3, fontsize=9)
     save(figure, path)
@@ -78,8 +78,8 @@ def _draw_bars(
         phase = [name for name, begin in starts.items() if begin is not None and begin <= time][-1]
         colour, label = PHASES[phase], None if phase in named else phase
         named.add(phase)
-        corners = bar_corners(scene.object, com)
-        axes.fill(*corners.T, fc=(colour, 0.3), ec=colour, lw=1.2, label=label)
+        look: dict[str, Any] = {"fc": (colour, 0.3), "ec": colour, "lw": 1.2, "label": label}
+        draw_bars(axes, scene.object, com, **look)
     for time, alpha in ((0.0, 0.3), (opening, 0.8)):
         hand = hand_corners(scene, np.ravel(case.hand.at(np.array([time])).pose))
         axes.fill(*hand.T, color=ARM, alpha=alpha, lw=0, zorder=0)

@@ -1,7 +1,8 @@
-"""The style of all pictures: colours, resolution, figures, cups."""
+"""The style of all pictures: colours, resolution, figures, titles."""
 
 from __future__ import annotations
 
+import textwrap
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +18,8 @@ GREEN = "#2a9d6f"
 TEAL = "#2a788e"
 PURPLE = "#8b6bb1"
 BLACK = "#222222"
+#: Size [pt] of a picture's title.
+TITLE = 10
 #: Colour of arm and hand.
 ARM = "#3d4450"
 #: Colours of the phases of a throw, in their order.
@@ -30,11 +33,34 @@ PHASES = {
 }
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of `width` x `height` [in], with no window and no global state."""
+def new_figure(width: float, height: float, title: str = "") -> Figure:
+    """A figure of `width` x `height` [in], with no window and no global state.
+
+    title: at the upper left; lines longer than the figure is wide are broken.
+    """
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
+    if title:
+        words = _broken(title, 72 * (width - 0.3))
+        figure.suptitle(words, x=0.01, ha="left", fontsize=TITLE)
+    return figure
+
+
+def _broken(words: str, room: float) -> str:
+    """The words of a title on lines of at most `room` [pt]."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+
+    font, characters = FontProperties(size=TITLE), 200
+    while True:
+        lines = [part for line in words.split("\n") for part in textwrap.wrap(line, characters)]
+        widths = [
+            text_to_path.get_text_width_height_descent(line, font, False)[0] for line in lines
+        ]
+        if characters < 10 or max(widths, default=0.0) <= room:
+            return "\n".join(lines)
+        characters = int(0.95 * characters)
 
 
 def save(figure: Figure, path: Path) -> None:

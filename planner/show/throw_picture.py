@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ...models import Array, Indices
 from ..clearance import palm_corners
 from ..throw import column_of
-from .drawings import bar_corners, cup_profile, draw_bars, draw_cup
+from .drawings import bar_path, cup_profile, draw_bars, draw_cup
 from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, new_figure, save
 from .timeline import Timeline, timeline
 
@@ -22,13 +22,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL import Image
 
-    from ...models.robot import Solid
     from ...problems import Pose, Scene, ThrownObject
     from ..throw import Throw
 
 
 Pixels = npt.NDArray[np.uint8]
 
+#: Colour of obstacles.
+OBSTACLE = "#d9b8a6"
 #: Number of drawn poses of the held bar.
 CARRIED = 6
 #: Number of drawn poses of the flying bar.
@@ -48,22 +49,23 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     `load_curve`.
     """
     line, scene = timeline(throw), throw.scene
-    figure = new_figure(12.5, 7.6)
-    grid = figure.add_gridspec(4, 2, width_ratios=(1.7, 1), height_ratios=(1.2, 1, 1, 1))
-    stage = figure.add_subplot(grid[:, 0])
+    dx, dtheta = throw.deciding.miss(throw.target)
+    angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
+    title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
+    title += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n{throw.grip_words}"
+    figure = new_figure(12.5, 7.8, title)
+    halves = figure.add_gridspec(1, 2, width_ratios=(1.7, 1))
+    grid = halves[1].subgridspec(4, 1, height_ratios=(1.4, 1, 1, 1))
+    stage = figure.add_subplot(halves[0])
     draw_surroundings(stage, scene, throw.target)
     _draw_arms(stage, scene, line)
     _draw_bars(stage, scene.object, line)
     frame_stage(stage, scene, throw.target, line)
-    _draw_release(figure.add_subplot(grid[0, 1]), scene, line)
-    dx, dtheta = throw.deciding.miss(throw.target)
-    angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
-    title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
-    title += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n"
-    # On two lines it ends before the title at its right.
-    title += throw.grip_words.replace("; ", ";\n", 1)
-    stage.set_title(title, loc="left", fontsize=10)
-    plots = [figure.add_subplot(grid[i, 1]) for i in (1, 2, 3)]
+    _draw_release(figure.add_subplot(grid[0]), scene, line)
+    plots = [figure.add_subplot(grid[i]) for i in (1, 2, 3)]
+    for axes in plots[:2]:
+        axes.sharex(plots[2])
+        axes.tick_params(labelbottom=False)
     _draw_plots(plots, line)
     if load is not None:
         times, use = 1e3 * load[0], load[1]
@@ -71,9 +73,18 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
         label = f"load while the pads may open,\nat most {100 * use.max():.1f} %"
         plots[-1].plot(times, use, color=GREEN, lw=2, label=label)
         plots[-1].legend(fontsize=8)
+    _lay_out(figure)
     if path is not None:
         save(figure, path)
     return figure
+
+
+def _lay_out(figure: Figure) -> None:
+    """Compute the layout once; then the limits of equal axes, which its passes widen."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.autoscale_view()
 
 
 def _flight_words(throw: Throw) -> str:
@@ -97,7 +108,7 @@ def hand_corners(scene: Scene, pose: Array) -> Array:
 
 
 def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
-    """Target, cup, floor, base column, and obstacles as the plane's side view shows them."""
+    """Target, cup, floor, base column, obstacles: where the plane cuts them, or beside it."""
     if scene.cup is not None:
         draw_cup(stage, scene.cup)
     if scene.bounds.floor is not None:
@@ -106,29 +117,41 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
         radius, height = column
         sides, ends = [-radius, radius, radius, -radius], [0.0, 0.0, height, height]
         stage.fill(sides, ends, color="#e4e1dc", zorder=0, label="base column")
-    for number, solid in enumerate(_obstacles(scene, target)):
-        name = "obstacle" if number == 0 else None
-        stage.fill(*solid.outline().T, color="#d9b8a6", alpha=0.6, zorder=0, label=name)
+    cut, beside = _obstacles(scene, target)
+    filled: dict[str, Any] = {"color": OBSTACLE, "alpha": 0.6, "label": "obstacle"}
+    pale: dict[str, Any] = {"fill": False, "ec": OBSTACLE, "ls": "--"}
+    pale["label"] = "obstacle beside the plane"
+    for outlines, look in ((cut, filled), (beside, pale)):
+        for outline in outlines:
+            stage.fill(*outline.T, zorder=0, **look)
+            look["label"] = None
     x, (half, turn) = target.plane_x, target.half_widths
     if target.theta is not None:
-        for theta in {target.theta - turn, target.theta + turn}:
-            corners = bar_corners(scene.object, np.array([x, target.z, theta]))
-            stage.fill(*corners.T, fill=False, ls="--", color="k", zorder=7)
+        ghost: dict[str, Any] = {"fill": False, "ls": "--", "color": "k", "zorder": 7}
+        if turn:
+            ghost["label"] = "target's extreme angles"
+        for theta in sorted({target.theta - turn, target.theta + turn}):
+            draw_bars(stage, scene.object, np.array([x, target.z, theta]), **ghost)
+            ghost["label"] = None
     mark = "k|-" if half else "k+"
     stage.plot([x - half, x + half], [target.z] * 2, mark, ms=11, zorder=8, label="target")
 
 
-def _obstacles(scene: Scene, target: Pose) -> list[Solid]:
-    """The obstacles as the plane of a throw to the target sees them."""
+def _obstacles(scene: Scene, target: Pose) -> tuple[list[Array], list[Array]]:
+    """Outlines (N, 2) [m] in the plane of a throw to the target: sections of the obstacles that
+    the plane cuts, and the others as seen from its right."""
     aimed = scene.aimed_at(target).target
     assert aimed is not None
-    return [aimed.plane.seen(obstacle.solid) for obstacle in scene.obstacle]
+    solids = [aimed.plane.seen(obstacle.solid) for obstacle in scene.obstacle]
+    sections = [(solid, solid.section()) for solid in solids]
+    cut = [section for _, section in sections if section is not None]
+    return cut, [solid.outline() for solid, section in sections if section is None]
 
 
 def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None:
     """Equal axes around the moving bodies and fixed ones up to 0.4 m away; the legend below."""
     low, high = line.extent(scene)
-    outlines = [solid.outline() for solid in _obstacles(scene, target)]
+    outlines = sum(_obstacles(scene, target), list[Array]())
     if scene.cup is not None:
         outlines.append(cup_profile(scene.cup))
     if (column := column_of(scene)) is not None:
@@ -137,12 +160,19 @@ def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None
         outlines.append(np.array([[low[0], scene.bounds.floor]]))
     points = np.clip(np.vstack([*outlines, [low, high]]), low - 0.4, high + 0.4)
     low, high = points.min(axis=0) - 0.06, points.max(axis=0) + 0.06
-    stage.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="z [m]")
-    stage.set_aspect("equal")
+    # Not as limits, which Matplotlib would warn to widen for equal axes.
+    stage.dataLim.set_points(np.array([low, high]))
+    stage.margins(0.0)
+    stage.autoscale_view()
+    stage.set(xlabel="x [m]", ylabel="z [m]")
+    # Filling its place: the layout makes no room for labels around a shrunken one.
+    stage.set_aspect("equal", adjustable="datalim")
     stage.grid(alpha=0.25)
-    if len(stage.get_legend_handles_labels()[0]) > 1:
-        below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.1)}
-        stage.legend(fontsize=8, frameon=False, ncols=5, **below)
+    figure: Any = stage.figure
+    entries = stage.get_legend_handles_labels()
+    if len(entries[0]) > 1:
+        below: dict[str, Any] = {"loc": "outside lower center", "frameon": False, "fontsize": 8}
+        figure.legend(*entries, ncols=int(figure.get_figwidth() / 1.8), **below)
 
 
 def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
@@ -160,13 +190,15 @@ def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
     palm = hand_corners(scene, np.array([0.0, 0.0, -scene.grasp.angle]))
     axes.fill(*palm.T, color=ARM, alpha=0.4, lw=0, zorder=1)
     for i in np.linspace(begin, end, 5).astype(int):
-        corners, colour = bar_corners(scene.object, in_hand[:, i]), PHASES[line.phase_name(i)]
-        axes.fill(*corners.T, fc=(colour, 0.1), ec=colour, lw=1.2, zorder=3)
+        colour = PHASES[line.phase_name(i)]
+        look: dict[str, Any] = {"fc": (colour, 0.1), "ec": colour, "lw": 1.2, "zorder": 3}
+        draw_bars(axes, scene.object, in_hand[:, i], **look)
     pad = float(scene.patch.patch_radius)
     axes.add_patch(Circle((0.0, 0.0), pad, fill=False, color=BLACK, ls=":", zorder=4))
     axes.plot(*in_hand[:2, begin : end + 1], color=BLACK, lw=1.2, zorder=4)
     axes.plot(*in_hand[:2, end], "o", color=BLACK, ms=3, zorder=4)
-    axes.set_aspect("equal")
+    # The axes keep their width, for the title.
+    axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
     axes.margins(0.04)
     axes.set_xlabel("in the hand's frame [m]", fontsize=8)
@@ -183,15 +215,16 @@ def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
 
 def _draw_arms(stage: Axes, scene: Scene, line: Timeline) -> None:
     """The arm (or hand) at rest, as the opening starts and at detach."""
-    kind = "hand" if line.arm is None else "arm"
-    moments = {"at rest": 0.0} | {name: line.marks[name] for name in ("opening", "detach")}
-    for (name, moment), alpha in zip(moments.items(), (0.25, 0.5, 0.9), strict=True):
-        i = line.index(moment)
-        if line.arm is not None:
-            stage.plot(*line.arm[i], "-o", alpha=alpha, **ARM_LINE)
-        outline = hand_corners(scene, line.hand[:, i])
-        stage.fill(*outline.T, color=ARM, alpha=alpha, zorder=2)
-        stage.plot([], [], color=ARM, alpha=alpha, lw=5, label=f"{kind}, {name}")
+    thin = {"lw": 1.6, "ms": 3}
+    looks: dict[str, dict[str, Any]] = {"at rest": {**thin, "ls": ":"}, "opening": thin}
+    for name in ("at rest", "opening", "detach"):
+        i, look = line.index(line.marks.get(name, 0.0)), ARM_LINE | looks.get(name, {})
+        hand = {"fill": name == "detach", "ls": look.get("ls", "-"), "color": ARM, "lw": 1.6}
+        if line.arm is None:
+            hand["label"] = f"hand, {name}"
+        else:
+            stage.plot(*line.arm[i], marker="o", label=f"arm, {name}", **look)
+        stage.fill(*hand_corners(scene, line.hand[:, i]).T, zorder=2, **hand)
 
 
 def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
@@ -228,17 +261,21 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
     use.plot(t, np.minimum(line.torque_use, 3.0), color=ORANGE, label="torque")
     use.axhline(1.0, color="k", lw=0.8)
     use.set(ylabel="friction use", xlabel="t [ms]", ylim=(0, 1.6))
+    beyond = "above 1 it slips; infinite where the grip force falls to 0"
+    use.set_title(beyond, loc="left", fontsize=8)
     for axis in (rate, use):
         axis.legend(fontsize=8)
     for axis in axes:
         axis.grid(alpha=0.25)
-        axis.set_xlim(max(0.0, 1e3 * line.marks["command"] - 120.0), 1e3 * line.marks["landing"])
+        axis.set_xlim(1e3 * line.marks["command"] - 120.0, 1e3 * line.marks["landing"])
         for moment in line.marks.values():
             axis.axvline(1e3 * moment, color="#999999", lw=0.8, ls=":")
-    words: dict[str, Any] = {"fontsize": 7, "rotation": 90, "va": "top", "ha": "right"}
-    for name in ("command", "opening", "detach"):
-        place = 1e3 * line.marks[name], 1.0
-        grip.annotate(name, place, xycoords=("data", "axes fraction"), **words)
+    # At different places: the moments may be close together.
+    words: dict[str, Any] = {"rotation": 90, "va": "top", "fontsize": 7}
+    places = {"command": (0.97, "right"), "opening": (0.55, "right"), "detach": (0.97, "left")}
+    for name, (height, side) in places.items():
+        where = 1e3 * line.marks[name], height
+        grip.annotate(name, where, xycoords=("data", "axes fraction"), ha=side, **words)
 
 
 def draw_throw_moving(throw: Throw, path: Path) -> None:
@@ -285,6 +322,7 @@ def _frames(throw: Throw, line: Timeline, indices: Indices) -> Iterator[Pixels]:
     The background is drawn once.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.patches import PathPatch
 
     figure = new_figure(7.2, 5.4)
     figure.set_dpi(80)
@@ -292,7 +330,7 @@ def _frames(throw: Throw, line: Timeline, indices: Indices) -> Iterator[Pixels]:
     stage, scene = figure.subplots(), throw.scene
     draw_surroundings(stage, scene, throw.target)
     frame_stage(stage, scene, throw.target, line)
-    bar = stage.fill([], [], zorder=6)[0]
+    bar: Any = stage.add_patch(PathPatch(bar_path(scene.object, line.com[:, 0]), zorder=6))
     trail = stage.plot([], [], color=BLACK, lw=0.8, zorder=3)[0]
     arm = stage.plot([], [], "-o", zorder=4, **ARM_LINE)[0]
     hand = stage.fill([], [], color=ARM, zorder=4)[0]
@@ -300,7 +338,7 @@ def _frames(throw: Throw, line: Timeline, indices: Indices) -> Iterator[Pixels]:
 
     def show(i: int) -> None:
         phase = line.phase_name(i)
-        bar.set(xy=bar_corners(scene.object, line.com[:, i]), color=PHASES[phase])
+        bar.set(path=bar_path(scene.object, line.com[:, i]), color=PHASES[phase])
         trail.set_data(line.com[0, : i + 1], line.com[1, : i + 1])
         if line.arm is not None:
             arm.set_data(*line.arm[i])
@@ -308,9 +346,7 @@ def _frames(throw: Throw, line: Timeline, indices: Indices) -> Iterator[Pixels]:
         label.set_text(frame_words(line, i))
 
     show(0)
-    # The layout is computed once, not for every frame.
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    _lay_out(figure)
     children = sorted(stage.get_children(), key=lambda artist: artist.get_zorder())
     # Grid, floor and fixed bodies are behind; the trail is the first that moves.
     front = [artist for artist in children if artist.get_zorder() >= trail.get_zorder()]

@@ -36,7 +36,8 @@ class ViewShapes:
     pad_ahead, pad_width, pad_thickness: of a pad, the first from its centre to its end. pad_speed
     [m/s], pad_travel: of a pad after detach. free_hand: body of a free hand behind the pads (from,
     to, half width). rim: thickness of a cup's rim. min_half: least half thickness of a bar.
-    faded: opacity of a throw that does not lead to the target.
+    mark_step: distance of the marks' names, as a share of the throw's extent. faded: opacity of a
+    throw that does not lead to the target.
     """
 
     link_radius: float = 0.032
@@ -49,6 +50,7 @@ class ViewShapes:
     free_hand: tuple[float, float, float] = (0.12, 0.045, 0.03)
     rim: float = 0.006
     min_half: float = 0.004
+    mark_step: float = 0.05
     faded: float = 0.25
 
 
@@ -290,9 +292,14 @@ class View(ObjectView):
         """The marks on the path, with their names."""
         throw, line = self.throw, self.throw.line
         path = throw.plane.points(line.com[0], line.com[1])
-        # Names of marks at the release are at different heights: the marks are close together.
-        for (name, time), drop in zip(line.marks.items(), (0.2, 0.13, 0.06, 0.0), strict=True):
-            mark, at, down = f"/marks/{name}", path[line.index(time)], np.array([0.0, 0.0, -drop])
+        places = {name: path[line.index(time)] for name, time in line.marks.items()}
+        # The names at the release stand one below the other: the marks are close together.
+        release, (low, high) = ("detach", "opening", "command"), throw.extent()
+        step = SHAPES.mark_step * float((high - low).max())
+        top = min(places[name][2] for name in release)
+        heights = {name: top - k * step for k, name in enumerate(release, start=1)}
+        for name, at in places.items():
+            mark, down = f"/marks/{name}", np.array([0.0, 0.0, heights.get(name, at[2]) - at[2]])
             leader = np.array([[np.zeros(3), down]])
             self.scene.add_icosphere(mark, 0.009, rgb(BLACK), position=at)
             self.scene.add_line_segments(f"{mark}/leader", leader, rgb(BLACK), thickness=0.002)

@@ -195,10 +195,19 @@ def pose_errors(plan: Plan, landings: Verdicts, nominal: Verdicts) -> dict[str, 
     return {"position": np.abs(dx), "angle": np.abs(dtheta), "scaled": scaled}
 
 
-def _title(sweep: Sweep, words: str) -> dict[str, Any]:
+def _title(sweep: Sweep, words: str) -> str:
     """Title of a picture: scene, contents, number of throws, release model."""
     throws = f"{sweep.samples:,} throws, {MODELS[sweep.batch.model].title}"
-    return {"t": f"{sweep.label}: {words} ({throws})", "x": 0.01, "ha": "left", "fontsize": 11}
+    return f"{sweep.label}: {words} ({throws})"
+
+
+def _tolerance_label(sweep: Sweep) -> str:
+    """What the tolerance's box is called: with a cup it does not decide the success."""
+    name = "target and tolerance" if sweep.plan.target.is_region else "tolerance"
+    if sweep.plan.scene.cup is None:
+        return name
+    share = 100 * float(sweep.landings.in_tolerance.mean())
+    return f"{name}: {share:.1f} % inside\n(the cup decides, not this)"
 
 
 def _angle_origin(sweep: Sweep) -> tuple[float, str]:
@@ -230,41 +239,46 @@ def _widen(axes: Axes, vertical: bool) -> None:
 
 
 def draw_landings(sweep: Sweep, path: Path) -> None:
-    """Landing errors, coloured by the parameter with the largest share of their variance."""
+    """Landing errors, successful or not, coloured by the parameter with the largest share of
+    their variance."""
     from matplotlib.patches import Rectangle
 
-    figure = new_figure(8, 5.2)
+    into = "" if sweep.plan.scene.cup is None else " into the cup"
+    some = f", {POINTS:,} of them shown" if sweep.samples > POINTS else ""
+    rate = 100 * float(sweep.success.mean())
+    figure = new_figure(8, 5.2, _title(sweep, f"{rate:.1f} % succeed{into}{some}"))
     axes = figure.subplots()
     rows = slice(None, POINTS)
-    off, sticks = _landing_errors(sweep, sweep.landings.pose[rows]), sweep.landings.sticks[rows]
+    off, success = _landing_errors(sweep, sweep.landings.pose[rows]), sweep.success[rows]
     name = max(sweep.shares, key=lambda key: sum(sweep.shares[key]))
     factor, unit = unit_of(name)
     colour = factor * sweep.values[rows, sweep.sampler.names.index(name)]
     style: dict[str, Any] = {"cmap": "viridis", "vmin": colour.min(), "vmax": colour.max()}
-    size = 14 if len(off) <= 2000 else 6
-    x, theta = off.T
-    points = axes.scatter(x[sticks], theta[sticks], s=size, c=colour[sticks], lw=0, **style)
-    if not sticks.all():
-        style |= {"marker": "x", "lw": 0.9, "label": "slips before the opening"}
-        axes.scatter(x[~sticks], theta[~sticks], s=22, c=colour[~sticks], **style)
+    for chosen, look in (
+        (success, {"s": 14 if len(off) <= 2000 else 6, "lw": 0, "label": f"succeeds{into}"}),
+        (~success, {"s": 22, "marker": "x", "lw": 0.9, "label": "fails"}),
+    ):
+        x, theta = off[chosen].T
+        if x.size or look["label"] != "fails":
+            points = axes.scatter(x, theta, c=colour[chosen], **style, **look)
     label = f"{name.replace('_', ' ')} [{unit}]" if unit else name
     figure.colorbar(points, ax=axes, label=label, pad=0.01)
     position, angle = _tolerance(sweep)
     if math.isfinite(angle):
         box: dict[str, Any] = {"fill": False, "ec": RED, "lw": 1.6, "zorder": 4}
         corner = (-position, -angle)
-        axes.add_patch(Rectangle(corner, 2 * position, 2 * angle, label="tolerance", **box))
+        axes.add_patch(
+            Rectangle(corner, 2 * position, 2 * angle, label=_tolerance_label(sweep), **box)
+        )
     else:
-        axes.axvspan(-position, position, color=GREEN, alpha=0.25, lw=0, label="tolerance")
+        span: dict[str, Any] = {"color": GREEN, "alpha": 0.25, "lw": 0}
+        axes.axvspan(-position, position, label=_tolerance_label(sweep), **span)
     mark: dict[str, Any] = {"color": BLACK, "mec": "white", "ms": 10, "zorder": 5}
     axes.plot(*_landing_errors(sweep, sweep.nominal.pose[0]), "P", label="nominal", **mark)
     axes.set(xlabel="x − target [mm]", ylabel=f"θ − {_angle_origin(sweep)[1]} [deg]")
     _widen(axes, vertical=True)
     axes.grid(alpha=0.25)
     axes.legend(loc="best", fontsize=9, framealpha=0.9)
-    some = f", {POINTS:,} of them shown" if sweep.samples > POINTS else ""
-    rate = 100 * float(sweep.success.mean())
-    figure.suptitle(**_title(sweep, f"{rate:.1f} % succeed{some}"))
     save(figure, path)
 
 
@@ -280,11 +294,14 @@ def draw_delay(sweep: Sweep, path: Path) -> None:
     if theta_counts:
         rows.append(("θ − target [deg]", off[..., 1], angle))
     rows.append(("pose error [mm]\n|Δx| + |Δθ| l/2", 1e3 * scaled, math.nan))
-    figure = new_figure(8, 2.3 * len(rows) + 0.9)
+    title = _title(sweep, "landing over the opening delay")
+    figure = new_figure(8, 2.3 * len(rows) + 0.9, title)
     each = figure.subplots(len(rows), 1, sharex=True)
     for axes, (label, values, tolerance) in zip(each, rows, strict=True):
         if math.isfinite(tolerance):
-            axes.axhspan(-tolerance, tolerance, color=GREEN, alpha=0.18, lw=0, label="tolerance")
+            axes.axhspan(
+                -tolerance, tolerance, color=GREEN, alpha=0.18, lw=0, label=_tolerance_label(sweep)
+            )
             axes.axhline(0.0, color=GREEN, lw=0.8)
         _band(axes, 1e3 * delays, values, bool(set(names) - {"delay"}))
         axes.axvline(0.0, color=GREY, lw=0.8, ls=":")
@@ -300,7 +317,6 @@ def draw_delay(sweep: Sweep, path: Path) -> None:
     each[-1].set_xlabel("opening later than expected [ms]")
     each[-1].set_ylim(bottom=0)
     each[0].legend(loc="best", fontsize=9, framealpha=0.9)
-    figure.suptitle(**_title(sweep, "landing over the opening delay"))
     save(figure, path)
 
 
@@ -329,7 +345,8 @@ def draw_tornado(sweep: Sweep, path: Path) -> None:
     """Change of the landing by each parameter alone, from its 5 to its 95 % quantile."""
     poses, names = swings(sweep.batch, sweep.sampler), sweep.sampler.names
     change = np.nan_to_num(poses[:, :, :2] - sweep.nominal.pose[0, :2])
-    figure = new_figure(12, 1.8 + 0.42 * len(names))
+    title = _title(sweep, "each parameter alone; % of the landing's variance")
+    figure = new_figure(12, 1.8 + 0.42 * len(names), title)
     each = figure.subplots(1, 2)
     parts = (("x [mm]", 1e3), ("θ [deg]", math.degrees(1.0)))
     for column, (axes, (label, factor)) in enumerate(zip(each, parts, strict=True)):
@@ -347,7 +364,6 @@ def draw_tornado(sweep: Sweep, path: Path) -> None:
     for colour, words in ((BLUE, "at its 5 % quantile"), (RED, "at its 95 % quantile")):
         each[0].barh([0], [0], color=colour, label=words)
     figure.legend(*each[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    figure.suptitle(**_title(sweep, "each parameter alone; % of the landing's variance"))
     save(figure, path)
 
 

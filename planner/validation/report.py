@@ -253,10 +253,10 @@ def _model_dict(found: Validation, check: ModelCheck) -> dict[str, Any]:
 # Pictures.
 
 
-def _title(figure: Figure, found: Validation, words: str) -> None:
+def _title(found: Validation, words: str) -> str:
     """Title of a picture; marks synthetic data."""
     more = " (synthetic data)" if found.data.shared.synthetic else ""
-    figure.suptitle(f"{found.data.name}: {words}{more}", x=0.01, ha="left", fontsize=11)
+    return f"{found.data.name}: {words}{more}"
 
 
 def _far_off(found: Validation) -> list[str]:
@@ -274,7 +274,9 @@ def _draw_errors(found: Validation) -> Figure:
     models, far = list(found.checks), _far_off(found)
     columns = min(3, len(models))
     lines = math.ceil(len(models) / columns)
-    figure = new_figure(0.6 + 3.7 * columns, 0.7 + 3.3 * lines)
+    more = f"; wider axes for {', '.join(far)}" if far else ""
+    title = _title(found, f"landing errors, + the mean{more}")
+    figure = new_figure(0.6 + 3.7 * columns, 0.7 + 3.3 * lines, title)
     off = {
         model: np.column_stack(_errors(found, check, MILLIMETRES)[2:])
         for model, check in found.checks.items()
@@ -297,8 +299,6 @@ def _draw_errors(found: Validation) -> Figure:
         axis.set(xlabel="x predicted − measured [mm]", ylabel="θ predicted − measured [deg]")
         axis.locator_params(axis="x", nbins=5)
         axis.grid(alpha=0.25)
-    more = f"; wider axes for {', '.join(far)}" if far else ""
-    _title(figure, found, f"landing errors, + the mean{more}")
     return figure
 
 
@@ -310,7 +310,9 @@ def _draw_boxes(found: Validation) -> Figure:
     models, far = list(found.checks), _far_off(found)
     errors = [_errors(found, check, MILLIMETRES) for check in found.checks.values()]
     quantities = [0, 1, 2, 3] if found.tracked else [2, 3]
-    figure = new_figure(0.5 + max(3.1, 0.8 + 0.5 * len(models)) * len(quantities), 4.2)
+    cut = f"; {', '.join(far)} cut off" if far else ""
+    title = _title(found, f"absolute errors, quartiles{cut}")
+    figure = new_figure(0.5 + max(3.1, 0.8 + 0.5 * len(models)) * len(quantities), 4.2, title)
     style: dict[str, Any] = {"widths": 0.6, "patch_artist": True}
     style["medianprops"] = {"color": BLACK, "lw": 1.6}
     style["flierprops"] = {"marker": "o", "ms": 3, "mec": GREY, "alpha": 0.7}
@@ -324,6 +326,4 @@ def _draw_boxes(found: Validation) -> Figure:
         axis.set_xticks(range(len(models)), models, rotation=35, ha="right")
         axis.set(ylim=(0.0, 1.08 * max(largest) or 1.0), ylabel=f"|{symbol} error| [{unit}]")
         axis.grid(alpha=0.25, axis="y")
-    cut = f"; {', '.join(far)} cut off" if far else ""
-    _title(figure, found, f"absolute errors, quartiles{cut}")
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -12,9 +13,12 @@ import pytest
 import throwplan as tp
 from builders import varied
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.path import Path
+from matplotlib.text import Text
 from PIL import Image, ImageSequence
-from throwplan.planner.show import GREEN, GREY, RED, draw_releases, draw_throw_moving
-from throwplan.problems import Motion
+from throwplan.planner.show import GREEN, GREY, RED, draw_releases, draw_throw, draw_throw_moving
+from throwplan.problems import Motion, Obstacle, OutlinePart
 
 
 @pytest.fixture(scope="module")
@@ -94,3 +98,166 @@ def test_the_releases_are_drawn(kind: str, tmp_path) -> None:
         assert 900 <= picture.width <= 1200 and 600 <= picture.height <= 1100
         # Not an empty sheet: some ink, mostly background.
         assert 0.005 < (np.asarray(picture.convert("L")) < 128).mean() < 0.5
+
+
+def shown_texts(figure: Figure) -> list[Text]:
+    """The texts of a drawn figure that are not empty, without ticks outside their axes."""
+    hidden = set[int]()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks()):
+                if not (low <= tick.get_loc() <= high):
+                    hidden |= {id(tick.label1), id(tick.label2)}
+    every = figure.findobj(Text)
+    return [t for t in every if t.get_visible() and t.get_text().strip() and id(t) not in hidden]
+
+
+def cut_texts(figure: Figure) -> list[str]:
+    """Texts that leave the figure, notes that leave their axes, and pairs that overlap."""
+    figure.draw_without_rendering()
+    texts, found = shown_texts(figure), list[str]()
+    boxes = [text.get_window_extent() for text in texts]
+    for text, box in zip(texts, boxes, strict=True):
+        inside = [figure.bbox]
+        if any(text in axes.texts for axes in figure.axes):
+            inside.append(text.axes.bbox)
+        for room in inside:
+            # To half a pixel.
+            ends = (box.x0 - room.x0, box.y0 - room.y0, room.x1 - box.x1, room.y1 - box.y1)
+            if min(ends) < -0.5:
+                found.append(f"{text.get_text()!r} leaves by {-min(ends):.0f} px")
+    for i, box in enumerate(boxes):
+        for k, other in enumerate(boxes[:i]):
+            wide = min(box.x1, other.x1) - max(box.x0, other.x0)
+            high = min(box.y1, other.y1) - max(box.y0, other.y0)
+            if min(wide, high) > 1.0:
+                found.append(f"{texts[k].get_text()!r} and {texts[i].get_text()!r} overlap")
+    return found
+
+
+def obstacles() -> tuple[Obstacle, ...]:
+    """A wall across the plane, turned, and a post beside it."""
+    wall = Obstacle("wall", "box", (0.06, 0.8, 0.3), (0.7, 0.0, 0.15), yaw=np.radians(20.0))
+    return wall, Obstacle("post", "capsule", (0.05, 0.6), (0.5, 0.3, 0.3))
+
+
+def hammer(bar: tp.Object) -> tp.Object:
+    """An object of the bar's length with three capsules, one inside of the others."""
+    far = bar.length - 0.02
+    parts = (
+        OutlinePart((0.008, 0.0), (far, 0.0), 0.008),
+        OutlinePart((far, -0.12), (far, 0.12), 0.02),
+        OutlinePart((far - 0.02, 0.0), (far - 0.02, 0.0), 0.012),
+    )
+    return dataclasses.replace(bar, width=0.0, outline=parts)
+
+
+def drawn_scenes(scene: tp.Scene) -> dict[str, tp.Scene]:
+    """A scene with what makes its picture's texts longer, or its object another shape."""
+    region = tp.Region(x=(0.88, 0.96), z=0.22, theta=(-1.9, -1.2))
+    return {
+        "wide letters": scene.replace(name="W" * 90, obstacle=obstacles(), target=region),
+        "outline": scene.replace(name="into a bin " * 30, object=hammer(scene.object)),
+    }
+
+
+@pytest.mark.parametrize("kind", ["wide letters", "outline"])
+def test_no_text_of_a_throws_picture_is_cut(kind: str, saved) -> None:
+    throw = tp.read_plan(saved("near-cup"))
+    scene = drawn_scenes(throw.scene)[kind]
+    assert not cut_texts(draw_throw(dataclasses.replace(throw, scene=scene), None))
+
+
+@pytest.fixture
+def written(monkeypatch) -> list[Figure]:
+    """The figures written as files."""
+    figures, write = list[Figure](), Figure.savefig
+
+    def keep(figure: Figure, *args, **settings) -> None:
+        figures.append(figure)
+        write(figure, *args, **settings)
+
+    monkeypatch.setattr(Figure, "savefig", keep)
+    return figures
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["iiwa14", "hand-flip", "ur5e", "cup"])
+def test_no_text_of_a_plans_pictures_is_cut(name: str, plan_of, tmp_path, written) -> None:
+    plan = plan_of(name)
+    plan.draw(tmp_path / "throw.png")
+    tp.sweep(plan, samples=200).save(tmp_path / "sweep")
+    assert len(written) >= 3
+    assert [cut_texts(figure) for figure in written] == [[]] * len(written)
+
+
+def test_the_landings_of_a_sweep_show_what_succeeds(cup_plan, tmp_path, written) -> None:
+    sweep = tp.sweep(cup_plan, samples=300)
+    sweep.save(tmp_path / "sweep")
+    axes = written[0].axes[0]
+    points = {dots.get_label(): len(dots.get_offsets()) for dots in axes.collections}
+    wins = int(sweep.success.sum())
+    assert points == {"succeeds into the cup": wins, "fails": 300 - wins} and 0 < wins < 300
+    # The tolerance's box holds another share, and the cup decides.
+    inside = 100 * sweep.landings.in_tolerance.mean()
+    assert inside < 50
+    (box,) = axes.patches
+    assert box.get_label() == f"tolerance: {inside:.1f} % inside\n(the cup decides, not this)"
+
+
+def area(corners: np.ndarray) -> float:
+    """Area [m²] of a polygon (N, 2)."""
+    x, z = corners.T
+    return abs(float(x @ np.roll(z, -1) - np.roll(x, -1) @ z)) / 2
+
+
+def test_an_obstacle_is_drawn_as_the_plane_cuts_it(saved) -> None:
+    throw = tp.read_plan(saved("near-cup"))
+    scene = throw.scene.replace(obstacle=obstacles())
+    stage = draw_throw(dataclasses.replace(throw, scene=scene), None).axes[0]
+    drawn = {str(patch.get_label()): patch for patch in stage.patches}
+    wall, post = drawn["obstacle"], drawn["obstacle beside the plane"]
+    # 6 cm across a wall that is turned by 20 degrees; the post as seen from aside, not filled.
+    assert area(wall.get_xy()) == pytest.approx(0.3 * 0.06 / np.cos(np.radians(20.0)), rel=1e-6)
+    assert area(post.get_xy()) == pytest.approx(np.pi * 0.05**2 + 0.6 * 0.1, rel=0.01)
+    assert wall.get_fill() and not post.get_fill()
+
+
+@pytest.mark.parametrize("kind", ["sphere", "capsule"])
+def test_a_round_obstacle_is_cut_thinner_beside_its_middle(kind: str) -> None:
+    size = (0.05,) if kind == "sphere" else (0.05, 0.6)
+    for y, radius in ((0.0, 0.05), (0.03, 0.04), (-0.04, 0.03)):
+        section = Obstacle("post", kind, size, (0.5, y, 0.3)).solid.section()
+        assert section.mean(axis=0) == pytest.approx([0.5, 0.3], abs=1e-3)
+        expected = np.pi * radius**2 + (kind == "capsule") * 0.6 * 2 * radius
+        assert area(section) == pytest.approx(expected, rel=0.005)
+    assert Obstacle("post", kind, size, (0.5, 0.051, 0.3)).solid.section() is None
+
+
+def test_a_rod_across_the_plane_is_cut_as_an_ellipse() -> None:
+    # Along x by its pitch, then turned by 60 degrees out of the plane.
+    turn = np.radians(60.0)
+    rod = Obstacle("rod", "capsule", (0.05, 0.6), (0.5, 0.0, 0.3), yaw=turn, pitch=np.pi / 2)
+    assert area(rod.solid.section()) == pytest.approx(np.pi * 0.05**2 / np.sin(turn), rel=0.005)
+
+
+def test_an_outline_is_filled_where_its_capsules_are(saved) -> None:
+    bar = hammer(tp.read_plan(saved("near-cup")).scene.object)
+    axes, pose = Figure().subplots(), np.array([0.3, 0.4, 0.7])
+    tp.draw_bars(axes, bar, pose)
+    (patch,) = axes.patches
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    points = np.random.default_rng(3).uniform(-0.2, 0.3, (1000, 2))
+    # How far the nearest capsule is from points along and across the axis from the CoM.
+    ends = bar.capsules[:, :4].reshape(-1, 2, 2) - [bar.com, 0.0]
+    shares = np.linspace(0.0, 1.0, 401)[:, None, None]
+    along = ends[:, 0] + shares * (ends[:, 1] - ends[:, 0])
+    away = np.linalg.norm(points[:, None, None] - along, axis=-1).min(axis=1)
+    room = (away - bar.capsules[:, 4]).min(axis=1)
+    places = pose[:2] + points @ np.array([[cos, sin], [-sin, cos]])
+    drawn, clear = patch.get_path().contains_points(places), np.abs(room) > 1e-3
+    assert 0.05 < (room < 0).mean() < 0.5
+    assert (drawn[clear] == (room < 0)[clear]).all()
+    # One loop: no line runs through the object.
+    assert np.count_nonzero(patch.get_path().codes == Path.MOVETO) == 1
