@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import textwrap
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,7 +44,8 @@ def new_figure(width: float, height: float, title: str = "") -> Figure:
 
     figure = Figure(figsize=(width, height), layout="constrained")
     if title:
-        words = _broken(title, 72 * (width - 0.3))
+        with literal_texts():
+            words = _broken(title, 72 * (width - 0.3))
         figure.suptitle(words, x=0.01, ha="left", fontsize=TITLE)
     return figure
 
@@ -63,17 +66,22 @@ def _broken(words: str, room: float) -> str:
         characters = int(0.95 * characters)
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write the figure as PNG with literal texts.
-
-    `$` starts no formula, and a character without a glyph is a box.
-    """
+@contextlib.contextmanager
+def literal_texts(figure: Figure | None = None) -> Iterator[None]:
+    """Draw a figure's texts as they are written: `$` starts no formula, and a character without a
+    glyph is a box."""
     from matplotlib.text import Text
 
-    for text in figure.findobj(Text):
+    for text in [] if figure is None else figure.findobj(Text):
         # Matplotlib writes the ticks of logarithmic axes as formulas.
         if "$" in text.get_text() and "mathdefault" not in text.get_text():
             text.set_parse_math(False)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph")
+        yield
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write the figure as PNG with literal texts."""
+    with literal_texts(figure):
         figure.savefig(path, dpi=110)

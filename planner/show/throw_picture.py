@@ -14,7 +14,7 @@ from ...models import Array, Indices
 from ..clearance import palm_corners
 from ..throw import column_of
 from .drawings import bar_path, cup_profile, draw_bars, draw_cup
-from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, new_figure, save
+from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, literal_texts, new_figure, save
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
@@ -81,7 +81,8 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
 
 def _lay_out(figure: Figure) -> None:
     """Compute the layout once; then the limits of equal axes, which its passes widen."""
-    figure.draw_without_rendering()
+    with literal_texts(figure):
+        figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for axes in figure.axes:
         axes.autoscale_view()

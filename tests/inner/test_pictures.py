@@ -158,7 +158,7 @@ def drawn_scenes(scene: tp.Scene) -> dict[str, tp.Scene]:
     region = tp.Region(x=(0.88, 0.96), z=0.22, theta=(-1.9, -1.2))
     return {
         "wide letters": scene.replace(name="W" * 90, obstacle=obstacles(), target=region),
-        "outline": scene.replace(name="into a bin " * 30, object=hammer(scene.object)),
+        "outline": scene.replace(name="into $\\frac{$ " * 30, object=hammer(scene.object)),
     }
 
 
