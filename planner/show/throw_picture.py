@@ -80,7 +80,11 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
 
 
 def _lay_out(figure: Figure) -> None:
-    """Compute the layout once; then the limits of equal axes, which its passes widen."""
+    """Compute the layout once; then the limits of equal axes, which its passes widen.
+
+    Their tick labels may be a digit longer then: there is room at the sides.
+    """
+    figure.set_layout_engine("constrained", rect=(0.008, 0.0, 0.984, 1.0))
     with literal_texts(figure):
         figure.draw_without_rendering()
     figure.set_layout_engine("none")
