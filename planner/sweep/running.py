@@ -107,18 +107,14 @@ def check_sweep(samples: int, seed: int, model: str, prefix: str = "") -> None:
 
 
 def judge_of(plan: Plan, model: str, sampler: Sampler) -> Judge:
-    """A judge of throws of a solved plan's motion; InputError for a plan without a throw.
-
-    Clearances of the scene are reserves of the plan: a throw of a sweep fails only on contact.
-    """
+    """A judge of throws of a solved plan's motion; InputError for a plan without a throw."""
     if plan.throw is None or not plan.solved:
         raise InputError(f"plan: status {plan.status}: there is no throw to sweep")
-    scene = plan.scene.without_clearances()
-    early, late, longest = sampler.openings(scene)
+    early, late, longest = sampler.openings(plan.scene)
     reach = min(-FURTHEST, early), max(FURTHEST, late), longest
-    throw = replace(plan.throw.deciding, scene=scene.aimed_at(plan.goal))
-    batch = ThrowBatch.of(throw, plan.goal, sampler.names, reach, model)
-    return Judge(_with_steps(batch, sampler))
+    throw = replace(plan.throw.deciding, scene=plan.scene.aimed_at(plan.goal))
+    judge = Judge.of(throw, plan.goal, sampler.names, reach, model)
+    return Judge(_with_steps(judge.batch, sampler))
 
 
 def _with_steps(batch: ThrowBatch, sampler: Sampler) -> ThrowBatch:

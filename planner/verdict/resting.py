@@ -111,10 +111,10 @@ class Entries:
     @classmethod
     def sampled(cls, throw: Throw, count: int = COUNTED, seed: int = REPORTED) -> Entries:
         """`count` samples of a throw's [uncertainty]; without it only the contacts vary."""
-        batch, values = sample_throws(throw, throw.target, count, seed)
+        judge, values = sample_throws(throw, throw.target, count, seed)
         if throw.scene.uncertainty is None:
-            values = batch.nominal(count)
-        return cls.of(Judge(batch), values, seed)
+            values = judge.batch.nominal(count)
+        return cls.of(judge, values, seed)
 
     def count(self, scene: Scene) -> RestCount:
         """Where they end, by MuJoCo."""

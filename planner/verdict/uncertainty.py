@@ -11,7 +11,7 @@ import numpy as np
 from ...models import Array, ReadOnly
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import Distribution, Pose, Scene, Uncertainty
-from ..throw import Throw, ThrowBatch
+from ..throw import Throw
 from .batch import Judge
 from .findings import Code, Finding
 
@@ -183,8 +183,8 @@ def _reserves(throw: Throw, target: Pose) -> Iterator[Finding]:
     scene = throw.scene
     if scene.uncertainty is None:
         return
-    batch, values = sample_throws(throw.in_scene(scene.without_clearances()), target)
-    judged = Judge(batch).verdicts(values)
+    judge, values = sample_throws(throw, target)
+    judged = judge.verdicts(values)
     for code in RESERVED:
         share = float(np.mean(judged.breaks(code)))
         if share > 0.0:
@@ -198,12 +198,12 @@ def _reserves(throw: Throw, target: Pose) -> Iterator[Finding]:
 
 def sample_throws(
     throw: Throw, target: Pose, count: int = SAMPLES, seed: int = 0
-) -> tuple[ThrowBatch, Array]:
-    """Throws of one motion, and the values (count, P) of the scene's uncertain parameters."""
+) -> tuple[Judge, Array]:
+    """A judge of throws of one motion, and the values (count, P) of the scene's uncertain parameters."""
     sampler = sampler_of(throw.scene, seed)
     early, late, longest = sampler.openings(throw.scene)
     reach = min(early, 0.0), max(late, 0.0), longest
-    return ThrowBatch.of(throw, target, sampler.names, reach), sampler.draw(0, count)
+    return Judge.of(throw, target, sampler.names, reach), sampler.draw(0, count)
 
 
 def landing_spread(throw: Throw, target: Pose) -> float:
@@ -212,7 +212,8 @@ def landing_spread(throw: Throw, target: Pose) -> float:
 
     target: theta counts if it fixes it.
     """
-    batch, values = sample_throws(throw, target)
+    judge, values = sample_throws(throw, target)
+    batch = judge.batch
     change = batch.fly(values).landing - batch.fly(batch.nominal()).landing
     turn = 0.0 if target.theta is None else change[:, 1]
     errors = throw.scene.object.pose_error(change[:, 0], turn)
