@@ -82,7 +82,7 @@ class Plan:
         judged = verdict(deciding, self.goal)
         if not self.solved:
             return judged
-        findings = (*judged.findings, *warnings(deciding, self.target))
+        findings = (*judged.findings, *warnings(deciding, self.target, bool(self.robust)))
         for claim in (self.calibrated, self.rests):
             findings += () if claim is None else claim.findings
         return replace(judged, findings=findings)

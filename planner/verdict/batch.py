@@ -100,6 +100,20 @@ class Verdicts(ReadOnly):
         return Verdicts(np.concatenate([part.pose for part in parts]), broken, parts[0].cup)
 
 
+#: Success rates tie within this many standard deviations of their difference.
+DEVIATIONS = 2.0
+
+
+def is_as_successful(own: Flags, other: Flags) -> bool:
+    """Whether a success rate is not significantly below another one over the same samples (N,).
+
+    McNemar's test: equally good throws succeed with equal probability in each sample on which they
+    differ.
+    """
+    lost, gained = int((other & ~own).sum()), int((own & ~other).sum())
+    return lost - gained <= DEVIATIONS * math.sqrt(lost + gained)
+
+
 @dataclass(frozen=True)
 class Judge:
     """Throws a motion with other values of its parameters, and judges the throws; caches the checks

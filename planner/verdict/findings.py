@@ -107,8 +107,6 @@ class Code(Enum):
         return code
 
 
-
-
 def excused(cup: bool) -> frozenset[Code]:
     """Codes that no success needs: with a cup, a throw into it may miss its target pose."""
     return frozenset({Code.LANDING}) if cup else frozenset()

@@ -151,12 +151,12 @@ def unit_of(name: str) -> tuple[float, str]:
     return (math.degrees(1.0), "deg") if Uncertainty.PARAMETERS[name].degrees else (1e3, "mm")
 
 
-def warnings(throw: Throw, target: Pose) -> tuple[Finding, ...]:
+def warnings(throw: Throw, target: Pose, robust: bool = False) -> tuple[Finding, ...]:
     """Warnings about a solved throw.
 
-    target: the requested one, which may move.
+    target: the requested one, which may move; robust: whether a robust throw was looked for.
     """
-    return (*_models(throw, target), *_reserves(throw, target))
+    return (*_models(throw, target), *_reserves(throw, target, robust))
 
 
 def _models(throw: Throw, target: Pose) -> Iterator[Finding]:
@@ -178,8 +178,10 @@ def _models(throw: Throw, target: Pose) -> Iterator[Finding]:
     yield Finding(Code.MODELS_DIFFER, x, tolerance.position, broken=False, note=words)
 
 
-def _reserves(throw: Throw, target: Pose) -> Iterator[Finding]:
+def _reserves(throw: Throw, target: Pose, robust: bool) -> Iterator[Finding]:
     """Warnings about limits, except the tolerance, that throws within [uncertainty] break."""
+    # A robust plan does not go with a target that moves.
+    first = "" if robust or not target.at_rest else "plan with --robust auto, "
     scene = throw.scene
     if scene.uncertainty is None:
         return
@@ -192,7 +194,7 @@ def _reserves(throw: Throw, target: Pose) -> Iterator[Finding]:
             if code is Code.SLIP_BEFORE_OPENING:
                 use = 100 * throw.measured.grip.value
                 note += f"; the plan uses {use:.0f} % of the friction limit"
-            note += f": {code.cure}"
+            note += f": {first}{code.cure}"
             yield Finding(Code.UNCERTAIN, share, 0.0, body=code.value, broken=False, note=note)
 
 
