@@ -169,7 +169,7 @@ class RestingThrow:
         return judge.verdicts(values).succeeds
 
     def is_better_than(self, other: RestingThrow) -> bool:
-        """Whether more throws succeed and stay, and this gain is significant or costs no success."""
+        """Whether more throws succeed and stay: significantly more, or at no cost of success."""
         if self.stays.sum() <= other.stays.sum():
             return False
         significant = not is_as_successful(other.stays, self.stays)

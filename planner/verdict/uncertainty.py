@@ -201,7 +201,7 @@ def _reserves(throw: Throw, target: Pose, robust: bool) -> Iterator[Finding]:
 def sample_throws(
     throw: Throw, target: Pose, count: int = SAMPLES, seed: int = 0
 ) -> tuple[Judge, Array]:
-    """A judge of throws of one motion, and the values (count, P) of the scene's uncertain parameters."""
+    """A judge of one motion's throws, and values (count, P) of the uncertain parameters."""
     sampler = sampler_of(throw.scene, seed)
     early, late, longest = sampler.openings(throw.scene)
     reach = min(early, 0.0), max(late, 0.0), longest

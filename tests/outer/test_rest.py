@@ -10,11 +10,10 @@ import sys
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import profile_bin
 from throwplan.models import FlightState
 from throwplan.planner.rest import entry_states, rest_motion, roll_to_rest
 from throwplan.planner.verdict import Code, count_rests
-
-from builders import profile_bin
 
 pytest.importorskip("mujoco")
 
