@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +78,12 @@ def recorded_residuals(
     whole = None
     contact = np.tile([scene.contact.friction, scene.contact.patch_radius], (len(names), 1))
     if fit:
-        whole = identify(data, model).posterior
+        identified = identify(data, model)
+        whole = identified.posterior
+        if identified.cutoff is not None:
+            shared = data.shared.changed(cutoff=identified.cutoff.cutoff)
+            data = replace(data, shared=shared)
+            predictor = Predictor.of(data)
         for i in range(len(names)):
             others = [k for k in range(len(names)) if k != i]
             found = identify(data.picked(others), model).posterior
