@@ -49,7 +49,8 @@ class Residuals(ReadOnly):
             if abs(turn) > math.pi:
                 raise InputError(
                     f"throw {name}: theta is {math.degrees(turn):+.0f} deg off the predicted "
-                    "landing, must be within 180 deg: full turns count"
+                    "landing, must be within 180 deg: theta is in radians (is it in degrees?), and "
+                    "full turns count"
                 )
 
 

@@ -21,6 +21,7 @@ from ..verdict import (
     RestCount,
     Verdict,
     calibrated_landing,
+    region_bounds,
     verdict,
     warnings,
 )
@@ -264,6 +265,7 @@ class Plan:
         if self.rests is not None:
             lines.append(f"  {self.rests.words}")
         lines += [f"  warning: {finding.words}" for finding in self.verdict.warnings]
+        lines += [f"  note: {words}" for words in [self.bound_words] if words]
         if self.solved and scene.cup is not None and scene.rest is None:
             lines.append("  note: whether it stays in the cup is not looked at; [rest] does")
         floor = scene.bounds.floor
@@ -303,6 +305,20 @@ class Plan:
                 f"{1e3 * grip.dwell:.1f} ms, opening {1e3 * grip.opening:.1f} ms"
             )
         return "\n".join(lines)
+
+    @property
+    def bound_words(self) -> str:
+        """A sentence about a landing at the bounds of a region; empty elsewhere."""
+        if self.throw is None or not self.solved:
+            return ""
+        landing, known = self.throw.deciding.landing, self.scene.calibration
+        bounds = " and ".join(region_bounds(self.scene, self.goal, landing.x, landing.theta))
+        if not bounds:
+            return ""
+        words = f"lands at the region's bound of {bounds}"
+        if known is not None:
+            words += ", nearer than your throws scatter: many land outside it"
+        return words if self.robust else f"{words}; --robust auto aims inside"
 
     @property
     def _load_words(self) -> str:

@@ -98,6 +98,21 @@ def landing_uses(scene: Scene, target: Pose, at: LandingStates) -> list[LimitUse
     return uses
 
 
+def region_bounds(scene: Scene, target: Pose, x: float, theta: float) -> tuple[str, ...]:
+    """The ranges of a region, x and theta, at whose bound a throw lands.
+
+    x [m], theta [rad]: its landing. At a bound: nearer than the tolerance, or, with [calibration],
+    than measured throws scatter.
+    """
+    known, tolerance = scene.calibration, scene.tolerance
+    near = [tolerance.position, tolerance.angle]
+    if known is not None:
+        near = np.maximum(near, [known.position, known.angle]).tolist()
+    off = abs(x - target.plane_x), abs(theta - (target.theta or 0.0))
+    ranges = zip(("x", "theta"), off, target.half_widths, near, strict=True)
+    return tuple(name for name, far, half, room in ranges if half and far > half - room)
+
+
 def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -> Flags:
     """Flags (N,) of the flights inside [landing] and [cup], with the cup moved to each landing.
 
