@@ -20,12 +20,12 @@ from ..verdict import (
     DelayTolerance,
     RestCount,
     Verdict,
+    bound_words,
     calibrated_landing,
-    region_bounds,
     verdict,
     warnings,
 )
-from .files import FILES, FORMAT, PlanPath, Status, path_of, read_plan, write_motion
+from .files import FILES, FORMAT, PlanPath, SavedThrow, Status, path_of, read_plan, write_motion
 from .planned_throw import PlannedThrow
 
 if TYPE_CHECKING:
@@ -311,14 +311,9 @@ class Plan:
         """A sentence about a landing at the bounds of a region; empty elsewhere."""
         if self.throw is None or not self.solved:
             return ""
-        landing, known = self.throw.deciding.landing, self.scene.calibration
-        bounds = " and ".join(region_bounds(self.scene, self.goal, landing.x, landing.theta))
-        if not bounds:
-            return ""
-        words = f"lands at the region's bound of {bounds}"
-        if known is not None:
-            words += ", nearer than your throws scatter: many land outside it"
-        return words if self.robust else f"{words}; --robust auto aims inside"
+        landing = self.throw.deciding.landing
+        words = bound_words(self.scene, self.goal, landing.x, landing.theta)
+        return f"{words}; --robust auto aims inside" if words and not self.robust else words
 
     @property
     def _load_words(self) -> str:
@@ -380,6 +375,19 @@ def throw_of(plan: Plan | Throw | str | Path) -> Throw:
     if isinstance(plan, str | Path):
         return read_plan(plan)
     return plan if isinstance(plan, Throw) else sent_throw(plan)
+
+
+def plan_of(plan: Plan | SavedThrow | str | Path) -> Plan:
+    """A plan, also from a saved one: its throw as sent, without the NLP behind it.
+
+    InputError without a throw.
+    """
+    if isinstance(plan, Plan):
+        return plan
+    saved = plan if isinstance(plan, SavedThrow) else read_plan(plan)
+    throw = PlannedThrow(saved.path, saved.deciding, math.nan, (0, 0))
+    known = saved.scene, saved.manipulator, saved.scene.aim
+    return Plan(*known, "solved", saved.message, throw, robust=saved.robust)
 
 
 @check_arguments

@@ -98,11 +98,10 @@ def landing_uses(scene: Scene, target: Pose, at: LandingStates) -> list[LimitUse
     return uses
 
 
-def region_bounds(scene: Scene, target: Pose, x: float, theta: float) -> tuple[str, ...]:
-    """The ranges of a region, x and theta, at whose bound a throw lands.
+def bound_words(scene: Scene, target: Pose, x: float, theta: float) -> str:
+    """A sentence about a landing at x [m], theta [rad] at the bounds of a region; empty elsewhere.
 
-    x [m], theta [rad]: its landing. At a bound: nearer than the tolerance, or, with [calibration],
-    than measured throws scatter.
+    At a bound: nearer than the tolerance, or, with [calibration], than measured throws scatter.
     """
     known, tolerance = scene.calibration, scene.tolerance
     near = [tolerance.position, tolerance.angle]
@@ -110,7 +109,13 @@ def region_bounds(scene: Scene, target: Pose, x: float, theta: float) -> tuple[s
         near = np.maximum(near, [known.position, known.angle]).tolist()
     off = abs(x - target.plane_x), abs(theta - (target.theta or 0.0))
     ranges = zip(("x", "theta"), off, target.half_widths, near, strict=True)
-    return tuple(name for name, far, half, room in ranges if half and far > half - room)
+    bounds = [name for name, far, half, room in ranges if half and far > half - room]
+    if not bounds:
+        return ""
+    words = f"lands at the region's bound of {' and '.join(bounds)}"
+    if known is not None:
+        words += ", nearer than your throws scatter: many land outside it"
+    return words
 
 
 def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -> Flags:

@@ -111,6 +111,20 @@ def test_the_command_in_words(run) -> None:
         assert word in said.out
 
 
+def test_a_saved_plan_is_swept_as_before_it_was_saved(plan_of, saved, run, refused) -> None:
+    def told(result: dict) -> dict:
+        return {key: value for key, value in result.items() if key != "time"}
+
+    before = tp.sweep(plan_of("near-cup"), samples=256)
+    for plan in (saved("near-cup"), tp.read_plan(saved("near-cup"))):
+        after = tp.sweep(plan, samples=256)
+        assert (after.success == before.success).all()
+        assert np.abs(after.landings.pose - before.landings.pose).max() < 1e-6
+    said = run("sweep --samples 256 --json", saved("near-cup"))
+    assert said.status == 0 and told(said.json) == told(after.to_dict())
+    assert "--robust: not with a saved plan" in refused("sweep --robust auto", saved("near-cup"))
+
+
 def test_without_a_throw(run, planner_of) -> None:
     said = run("sweep hand-box --target 0.3 1.7 free --json")
     assert (said.status, len(said.err.splitlines())) == (3, 1)
