@@ -143,17 +143,7 @@ def identify(
     """
     if not model:
         model = prior.tolerance.model if isinstance(prior, Scene) else STEPPED_SURFACE
-    check_model(model)
-    surfaces = data.factors.get(SURFACE, [])
-    if len(surfaces) > 1:
-        raise InputError(
-            f"{SURFACE}: one contact cannot be that of {', '.join(surfaces)}: give throws of one"
-        )
-    if MODELS[model].nonconvergent:
-        raise InputError(
-            f"model = {model!r}: cannot be fitted, its landings are no smooth function of the "
-            f"parameters: take {STEPPED_SURFACE}, or compare it by `throwplan validate`"
-        )
+    _check_fit(data, model)
     optional = {"delay": delay, "grip_scale": grip_scale}
     names = tuple(name for name in UNKNOWNS if optional.get(name, True))
     if isinstance(prior, Scene):
@@ -190,6 +180,21 @@ def identify(
         fit.evaluations,
         time.perf_counter() - start,
     )
+
+
+def _check_fit(data: ThrowData, model: str) -> None:
+    """InputError for a model that cannot be fitted, and for throws on several surfaces."""
+    check_model(model)
+    surfaces = data.factors.get(SURFACE, [])
+    if len(surfaces) > 1:
+        raise InputError(
+            f"{SURFACE}: one contact cannot be that of {', '.join(surfaces)}: give throws of one"
+        )
+    if MODELS[model].nonconvergent:
+        raise InputError(
+            f"model = {model!r}: cannot be fitted, its landings are no smooth function of the "
+            f"parameters: take {STEPPED_SURFACE}, or compare it by `throwplan validate`"
+        )
 
 
 def one_surface(data: ThrowData) -> ThrowData:
