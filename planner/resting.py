@@ -1,4 +1,5 @@
-"""The throw that stays: among throws to one target, the one that rests most often where it should.
+"""The throw that stays: among throws to one target, the one that rests most often where it should,
+and succeeds.
 
 The landing's angle and speeds decide. So throws are solved again with a price of the landing's
 speed, from the plain throw and from sampled releases whose landings' speeds let them rest.
@@ -32,7 +33,7 @@ from .search import (
     initial_guess_from,
     release_start,
 )
-from .verdict import count_rests
+from .verdict import RestingThrow
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class RestingSettings:
     speed. nearest: releases that are ranked, those that land nearest to the target; trials:
     contacts of each, with speeds off by the share `off`; solved: the best, solved with the second
     price. alike: throws whose landings differ by less [m, m/s] are compared once. seed: of the
-    samples that compare throws; a plan's own count has another.
+    trials' contacts.
     """
 
     prices: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0, 10.0)
@@ -63,6 +64,8 @@ def most_resting(
 ) -> Plan:
     """`plan`, or the plan of another throw to its target whose object rests there more often.
 
+    No success under [uncertainty] is given up for a gain within the noise of the samples.
+
     patience [s]: time for it; None for what is left of the task's time. A plan to a target that
     moves, or with a time of arrival, stays as it is.
     """
@@ -71,14 +74,14 @@ def most_resting(
     clock = task.clock
     if patience is not None:
         clock = replace(Clock.lasting(patience), seconds=clock.seconds)
-    best, most, seen = plan, _share(plan), [_landing(plan)]
+    best, throw, seen = plan, _resting(plan), [_landing(plan)]
     for other in plan.alternatives:
         seen.append(_landing(other))
-        if (share := _share(other)) > most:
-            best, most = other, share
+        if (candidate := _resting(other)).is_better_than(throw):
+            best, throw = other, candidate
     search = Search(context, replace(task, target=plan.target, clock=clock))
-    for start in _starts(search, plan) if most < 1.0 else ():
-        if clock.late:
+    for start in _starts(search, plan):
+        if clock.late or throw.stays.all():
             break
         found = attempts(context.problems, start, search.task)
         if not found or not found[-1].solved:
@@ -89,11 +92,8 @@ def most_resting(
         if any(np.abs(_landing(other) - known).max() < SETTINGS.alike for known in seen):
             continue
         seen.append(_landing(other))
-        share = _share(other)
-        if share > most:
-            best, most = other, share
-        if most == 1.0:
-            break
+        if (candidate := _resting(other)).is_better_than(throw):
+            best, throw = other, candidate
     return best if best is plan else replace(best, alternatives=plan.alternatives)
 
 
@@ -120,12 +120,10 @@ def check_rest(scene: Scene) -> None:
         )
 
 
-def _share(plan: Plan) -> float:
-    """Share of the samples for comparison that rest where they should."""
+def _resting(plan: Plan) -> RestingThrow:
+    """The plan's throw for the comparison."""
     assert plan.throw is not None
-    count = count_rests(plan.throw.deciding, seed=SETTINGS.seed)
-    assert count is not None
-    return count.share
+    return RestingThrow(plan.throw.deciding)
 
 
 def _starts(search: Search, plan: Plan) -> Iterator[Start]:

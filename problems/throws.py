@@ -82,7 +82,9 @@ class Shared(Section):
     arm: str | None = quantity(
         "whose joints the motions hold; left out: the hand's x, z, theta", default=None
     )
-    cutoff: float = quantity("Hz, low-pass for the joints' positions", above=0, default=35.0)
+    cutoff: float | None = optional(
+        "Hz, low-pass for the joints' positions; left out: chosen by the landings", above=0
+    )
     position_noise: float = quantity(
         "m, standard deviation of a measured landing", above=0, most=1, default=0.005
     )

@@ -24,6 +24,7 @@ from ...problems import (
 from ...problems.files import copy_out, filling, write_json
 from ..planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner
 from ..reach import MAP_FILES, MOST, check_map, reach_map
+from ..result import Plan, plan_of
 from ..show import draw_releases
 from ..simulation import simulate
 from ..sweep import SWEEP_FILES, check_sweep, sweep_until_stopped
@@ -290,7 +291,7 @@ def prepare(options: argparse.Namespace) -> int:
 
 def sweep_arguments(add: Add) -> None:
     """The options of `sweep`."""
-    add_scene(add)
+    add("scene", metavar="SCENE", help="a built-in scene, a TOML file, or the folder of a plan")
     add_target(add)
     add("--robust", choices=Robust.METHODS, help="plan against the uncertainty")
     add_patience(add, "3 s; 6 s for a robust one")
@@ -302,22 +303,38 @@ def sweep_arguments(add: Add) -> None:
     add_out(add, "sweep.json, sweep.csv and three pictures")
 
 
+def _saved_plan(options: argparse.Namespace) -> Plan | None:
+    """The plan of a folder or plan.json in place of a scene, without options of planning."""
+    path = Path(options.scene)
+    if not (path.is_dir() or path.name == "plan.json"):
+        return None
+    for name in ("target", "azimuth", "velocity", "arrival", "robust", "patience"):
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name}: not with a saved plan, {path}: give its scene instead")
+    return plan_of(path)
+
+
 def sweep(options: argparse.Namespace) -> int:
     """Simulate a plan many times under uncertainty.
 
     example: throwplan sweep delay --samples 10000 --out out/sweep
     """
     samples, seed = options.samples, options.seed
-    scene = load_scene(options.scene)
+    saved = _saved_plan(options)
+    scene = load_scene(options.scene) if saved is None else saved.scene
     model = options.model or scene.tolerance.model
     check_sweep(samples, seed, model, "--")
-    target = target_of(scene, options)
+    target = target_of(scene, options) if saved is None else None
     with executor_of(options.workers, options.scheduler) as executor:
-        with Progress(f"{scene.name}: planning"):
-            planner = Planner(scene)
-            planner.check(target)
+        if saved is None:
+            with Progress(f"{scene.name}: planning"):
+                planner = Planner(scene)
+                planner.check(target)
+                prepare_out(options, SWEEP_FILES)
+                found = planner.plan(target, robust=options.robust, patience=options.patience)
+        else:
             prepare_out(options, SWEEP_FILES)
-            found = planner.plan(target, robust=options.robust, patience=options.patience)
+            found = saved
         if not found.solved:
             print_result(options, found.to_dict(), f"{scene.name}: {found.status}")
             return fail(found.message)

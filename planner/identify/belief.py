@@ -70,6 +70,11 @@ class Belief(ReadOnly):
         return math.sqrt(max(float(self._factors @ self.covariance @ self._factors), 0.0))
 
     @property
+    def product_interval(self) -> Array:
+        """Ends (2,) [m] of the product's 95 % interval."""
+        return self.product * np.exp(1.96 * self.product_deviation * np.array([-1.0, 1.0]))
+
+    @property
     def _factors(self) -> Array:
         """1 for each factor of the product, which all unknowns are but the delay (P,)."""
         return np.array([float(name != "delay") for name in self.names])

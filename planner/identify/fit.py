@@ -110,12 +110,12 @@ class FitProblem:
         landing = self.predictor.landings(self.model, sets_at(self.names, points))
         return np.asarray(landing.swapaxes(0, 1) - self.predictor.truth.landing)
 
-    def fitted(self) -> tuple[Array, float]:
+    def fitted(self, start: Array | None = None) -> tuple[Array, float]:
         """The fit (P,) and its cost; `sigma` is then that of its residuals.
 
-        InputError if no throw lands, or if the throws cannot tell the unknowns.
+        start (P,): of a fit nearby. InputError if no throw lands.
         """
-        point, cost = self._solved(self._start())
+        point, cost = self._solved(self._start() if start is None else start)
         if not np.isfinite(self.missed_by(point[None])).any():
             height = f"landing_height = {self.predictor.data.shared.landing_height:g}"
             raise InputError(f"no landing: no throw comes down to {height} by {self.model}")
@@ -126,10 +126,22 @@ class FitProblem:
                 break
             self.sigma = sigma
             point, cost = self._solved(point)
+        return point, cost
+
+    def check(self, point: Array) -> None:
+        """InputError if the throws cannot tell the unknowns at a fit (P,) without a prior."""
         if self.prior is None:
             slopes = self._jacobian(point)[: -len(self.names)].reshape(-1, 2, len(self.names))
             _check_identifiable(slopes, self.names)
-        return point, cost
+
+    def cost(self, point: Array, sigma: Array) -> float:
+        """The cost of a fit (P,) with other `sigma` (2,)."""
+        residuals = self._weighted(self._rows(point)[:1] * (self.sigma / sigma), point[None])[0]
+        return float(self._loss(residuals**2)[0].sum()) / 2
+
+    def belief(self, point: Array) -> Belief:
+        """The fit (P,) as a belief."""
+        return Belief(self.names, point, self.covariance(point))
 
     def covariance(self, point: Array) -> Array:
         """(P, P): Gauss-Newton's, with the weights of the loss and the prior."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from ...problems.throws import ThrowData
 from ..show import BLUE, GREEN, GREY, new_figure, save
 from ..workers import Progress
 from .belief import Belief, applied, contact_text, prior_of
+from .cutoff import CutoffEffect, fit_at_cutoff
 from .fit import FitProblem
 from .measured import SURFACE, batch_surface
 from .predict import MISSED, UNKNOWNS, Predictor, check_model
@@ -36,8 +37,8 @@ class Identified:
     prior, posterior: the beliefs before and after the throws; error [m]: mean pose error (position
     plus angle times half the length) at the fit; sigma: (x [m], theta [rad]) of the residuals;
     scatter: sigma over the measurement's noise, 1 or more; cost: of the least squares; missed:
-    number of throws without a landing; at_bound: unknowns that ended at a bound of their range;
-    evaluations: of the model; seconds: of the fit.
+    number of throws without a landing; cutoff: None for motions of the hand; at_bound: unknowns
+    that ended at a bound of their range; evaluations: of the model; seconds: of the fit.
     """
 
     model: str
@@ -49,6 +50,7 @@ class Identified:
     scatter: tuple[float, float]
     cost: float
     missed: int
+    cutoff: CutoffEffect | None
     at_bound: tuple[str, ...]
     evaluations: int
     seconds: float
@@ -71,6 +73,7 @@ class Identified:
                 "scatter": {"x": self.scatter[0], "theta": self.scatter[1]},
                 "cost": self.cost,
                 "missed": self.missed,
+                "cutoff": None if self.cutoff is None else asdict(self.cutoff),
                 "at_bound": list(self.at_bound),
                 "evaluations": self.evaluations,
                 "seconds": self.seconds,
@@ -89,13 +92,17 @@ class Identified:
                 continue
             unit, factor = (" mm", 1e3) if name == "patch_radius" else ("", 1.0)
             parts.append(f"{name} {factor * value:.4g}{unit} +- {100 * deviation:.2g} %")
+        low, high = 1e3 * belief.product_interval
         lines = [
             f"  {MODELS[self.model].title}:",
             f"    fit: {', '.join(parts)}",
-            f"    mu r_p {1e3 * belief.product:.4g} mm +- {100 * belief.product_deviation:.2g} %, "
-            f"mean pose error {100 * self.error:.3f} cm; {self.evaluations} evaluations, "
+            f"    mu r_p {1e3 * belief.product:.4g} mm +- {100 * belief.product_deviation:.2g} % "
+            f"(95 %: {low:.3g} to {high:.3g} mm)",
+            f"    mean pose error {100 * self.error:.3f} cm; {self.evaluations} evaluations, "
             f"{self.seconds:.1f} s",
         ]
+        if self.cutoff is not None:
+            lines.append(f"    {self.cutoff.words}")
         if max(self.scatter) > 1.0:
             x, theta = self.scatter
             # No model errs by more than 30 times the noise.
@@ -136,6 +143,47 @@ def identify(
     """
     if not model:
         model = prior.tolerance.model if isinstance(prior, Scene) else STEPPED_SURFACE
+    _check_fit(data, model)
+    optional = {"delay": delay, "grip_scale": grip_scale}
+    names = tuple(name for name in UNKNOWNS if optional.get(name, True))
+    if isinstance(prior, Scene):
+        prior = prior_of(prior, names)
+    elif prior is not None:
+        names = prior.names
+    show = about or (lambda words: lambda done, total: None)
+    words, start = f"fit by {model}", time.perf_counter()
+    show(words)
+
+    def fit_problem(cutoff: float | None) -> FitProblem:
+        at = "" if cutoff is None else f", joints low-passed at {cutoff:.0f} Hz"
+        progress = lambda n: show(f"{words}{at}, evaluation {n}")  # noqa: E731
+        return FitProblem(Predictor.of(data, cutoff), model, names, prior, progress)
+
+    fit = fit_at_cutoff(data, fit_problem)
+    problem, point = fit.problem, fit.point
+    problem.check(point)
+    off, (low, high) = problem.missed_by(point[None])[0], problem.bounds
+    at_bound = np.minimum(point - low, high - point) / (high - low) < 1e-3
+    scatter, sigma = problem.sigma / problem.noise, problem.sigma
+    return Identified(
+        model,
+        data,
+        prior,
+        Belief(names, point, problem.covariance(point) + fit.spread),
+        float(np.nan_to_num(problem.predictor.truth.scaled(off), nan=MISSED).mean()),
+        (float(sigma[0]), float(sigma[1])),
+        (float(scatter[0]), float(scatter[1])),
+        fit.cost,
+        int((~np.isfinite(off).all(axis=1)).sum()),
+        fit.effect,
+        tuple(np.array(names)[at_bound].tolist()),
+        fit.evaluations,
+        time.perf_counter() - start,
+    )
+
+
+def _check_fit(data: ThrowData, model: str) -> None:
+    """InputError for a model that cannot be fitted, and for throws on several surfaces."""
     check_model(model)
     surfaces = data.factors.get(SURFACE, [])
     if len(surfaces) > 1:
@@ -147,35 +195,6 @@ def identify(
             f"model = {model!r}: cannot be fitted, its landings are no smooth function of the "
             f"parameters: take {STEPPED_SURFACE}, or compare it by `throwplan validate`"
         )
-    optional = {"delay": delay, "grip_scale": grip_scale}
-    names = tuple(name for name in UNKNOWNS if optional.get(name, True))
-    if isinstance(prior, Scene):
-        prior = prior_of(prior, names)
-    elif prior is not None:
-        names = prior.names
-    show = about or (lambda words: lambda done, total: None)
-    predictor, words = Predictor.of(data), f"fit by {model}"
-    show(words)
-    start = time.perf_counter()
-    problem = FitProblem(predictor, model, names, prior, lambda n: show(f"{words}, evaluation {n}"))
-    point, cost = problem.fitted()
-    off, (low, high) = problem.missed_by(point[None])[0], problem.bounds
-    at_bound = np.minimum(point - low, high - point) / (high - low) < 1e-3
-    scatter, sigma = problem.sigma / problem.noise, problem.sigma
-    return Identified(
-        model,
-        data,
-        prior,
-        Belief(names, point, problem.covariance(point)),
-        float(np.nan_to_num(predictor.truth.scaled(off), nan=MISSED).mean()),
-        (float(sigma[0]), float(sigma[1])),
-        (float(scatter[0]), float(scatter[1])),
-        cost,
-        int((~np.isfinite(off).all(axis=1)).sum()),
-        tuple(np.array(names)[at_bound].tolist()),
-        problem.evaluations,
-        time.perf_counter() - start,
-    )
 
 
 def one_surface(data: ThrowData) -> ThrowData:

@@ -32,6 +32,8 @@ BASE = {"delay": 0.0, "grip_scale": 1.0}
 REACH = 0.05
 #: The paper's grid: 0.25 to 1.2, and 2.5 to 12 mm.
 AXES: Axes = (np.linspace(0.25, 1.2, 20), np.linspace(0.0025, 0.012, 20))
+#: Cutoff [Hz] of recorded joints where none is given: that of Liu and Billard.
+CUTOFF = 35.0
 #: Pose error [m] of a throw for which a model predicts no landing.
 MISSED = 10.0
 
@@ -67,12 +69,15 @@ class Predictor:
     hands: tuple[Trajectory, ...]
 
     @classmethod
-    def of(cls, data: ThrowData) -> Predictor:
-        """The throws of a data set; InputError for a motion that does not fit its arm."""
+    def of(cls, data: ThrowData, cutoff: float | None = None) -> Predictor:
+        """The throws of a data set; InputError for a motion that does not fit its arm.
+
+        cutoff [Hz]: of recorded joints' low-pass, instead of the data's own.
+        """
         hands = []
         for throw in data.throws:
             try:
-                hands.append(_sampled(data, throw))
+                hands.append(_sampled(data, throw, cutoff or data.shared.cutoff or CUTOFF))
             except ValueError as error:
                 raise InputError(f"{data.name}: throw {throw.name}: {error}") from None
         return cls(data, tuple(hands))
@@ -163,14 +168,13 @@ class Predictor:
         )
 
 
-def _sampled(data: ThrowData, throw: MeasuredThrow) -> Trajectory:
+def _sampled(data: ThrowData, throw: MeasuredThrow, cutoff: float) -> Trajectory:
     """The hand from the opening's start on, through its poses at whole milliseconds."""
     times, opening = throw.times - throw.opening, throw.grip.opening
     hand: HandTrack
     if data.arm is None:
         hand = Trajectory.through(times, throw.motion)
     else:
-        cutoff = data.shared.cutoff
         hand = recorded_joints(data.arm, throw.times, throw.motion, throw.opening, cutoff)
     first = max(float(times[0]), -max(throw.grip.dwell, REACH) - 2 * TICK)
     last = min(float(times[-1]), opening + REACH + 2 * TICK)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +49,8 @@ class Residuals(ReadOnly):
             if abs(turn) > math.pi:
                 raise InputError(
                     f"throw {name}: theta is {math.degrees(turn):+.0f} deg off the predicted "
-                    "landing, must be within 180 deg: full turns count"
+                    "landing, must be within 180 deg: theta is in radians (is it in degrees?), and "
+                    "full turns count"
                 )
 
 
@@ -78,7 +79,12 @@ def recorded_residuals(
     whole = None
     contact = np.tile([scene.contact.friction, scene.contact.patch_radius], (len(names), 1))
     if fit:
-        whole = identify(data, model).posterior
+        identified = identify(data, model)
+        whole = identified.posterior
+        if identified.cutoff is not None:
+            shared = data.shared.changed(cutoff=identified.cutoff.cutoff)
+            data = replace(data, shared=shared)
+            predictor = Predictor.of(data)
         for i in range(len(names)):
             others = [k for k in range(len(names)) if k != i]
             found = identify(data.picked(others), model).posterior

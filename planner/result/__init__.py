@@ -8,5 +8,5 @@ from .files import (
     read_plan,
     write_table,
 )
-from .plan import Plan, draw_flight, sent_throw, throw_of
+from .plan import Plan, draw_flight, plan_of, sent_throw, throw_of
 from .planned_throw import PlannedThrow

@@ -62,10 +62,11 @@ def write_table(path: Path, columns: dict[str, Array]) -> None:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class SavedThrow(Throw):
-    """A throw read from files; status and message: of its plan.json."""
+    """A throw read from files; status, message and robust method: of its plan.json."""
 
     status: Status = "solved"
     message: str = ""
+    robust: str = ""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -117,6 +118,8 @@ def read_plan(path: str | Path) -> SavedThrow:
     if not 0.0 <= opening_time <= end:
         raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
     words = {key: str(plan.get(key, "")) for key in ("status", "message")}
+    robust = plan.get("robust")
+    words["robust"] = str(robust.get("method", "")) if isinstance(robust, dict) else ""
     throw = SavedThrow(scene, manipulator, samples.path, opening_time, samples, **words)  # type: ignore[arg-type]
     if scene.target is None or scene.target.velocity is None:
         return throw

@@ -20,11 +20,12 @@ from ..verdict import (
     DelayTolerance,
     RestCount,
     Verdict,
+    bound_words,
     calibrated_landing,
     verdict,
     warnings,
 )
-from .files import FILES, FORMAT, PlanPath, Status, path_of, read_plan, write_motion
+from .files import FILES, FORMAT, PlanPath, SavedThrow, Status, path_of, read_plan, write_motion
 from .planned_throw import PlannedThrow
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ class Plan:
         judged = verdict(deciding, self.goal)
         if not self.solved:
             return judged
-        findings = (*judged.findings, *warnings(deciding, self.target))
+        findings = (*judged.findings, *warnings(deciding, self.target, bool(self.robust)))
         for claim in (self.calibrated, self.rests):
             findings += () if claim is None else claim.findings
         return replace(judged, findings=findings)
@@ -264,6 +265,7 @@ class Plan:
         if self.rests is not None:
             lines.append(f"  {self.rests.words}")
         lines += [f"  warning: {finding.words}" for finding in self.verdict.warnings]
+        lines += [f"  note: {words}" for words in [self.bound_words] if words]
         if self.solved and scene.cup is not None and scene.rest is None:
             lines.append("  note: whether it stays in the cup is not looked at; [rest] does")
         floor = scene.bounds.floor
@@ -303,6 +305,15 @@ class Plan:
                 f"{1e3 * grip.dwell:.1f} ms, opening {1e3 * grip.opening:.1f} ms"
             )
         return "\n".join(lines)
+
+    @property
+    def bound_words(self) -> str:
+        """A sentence about a landing at the bounds of a region; empty elsewhere."""
+        if self.throw is None or not self.solved:
+            return ""
+        landing = self.throw.deciding.landing
+        words = bound_words(self.scene, self.goal, landing.x, landing.theta)
+        return f"{words}; --robust auto aims inside" if words and not self.robust else words
 
     @property
     def _load_words(self) -> str:
@@ -364,6 +375,19 @@ def throw_of(plan: Plan | Throw | str | Path) -> Throw:
     if isinstance(plan, str | Path):
         return read_plan(plan)
     return plan if isinstance(plan, Throw) else sent_throw(plan)
+
+
+def plan_of(plan: Plan | SavedThrow | str | Path) -> Plan:
+    """A plan, also from a saved one: its throw as sent, without the NLP behind it.
+
+    InputError without a throw.
+    """
+    if isinstance(plan, Plan):
+        return plan
+    saved = plan if isinstance(plan, SavedThrow) else read_plan(plan)
+    throw = PlannedThrow(saved.path, saved.deciding, math.nan, (0, 0))
+    known = saved.scene, saved.manipulator, saved.scene.aim
+    return Plan(*known, "solved", saved.message, throw, robust=saved.robust)
 
 
 @check_arguments

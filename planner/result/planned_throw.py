@@ -103,9 +103,14 @@ class PlannedThrow:
         return self.deciding.landing_time
 
     def words(self, goal: Pose) -> str:
-        """The landing error to `goal` as text."""
+        """The landing error to `goal` as text; the place of a landing in a region."""
         dx, dtheta = self.deciding.miss(goal)
-        if goal.is_region and dx == dtheta == 0.0:
-            return "lands in the target region"
         turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
-        return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"
+        off = f"{1e3 * abs(dx):.3f} mm{turn} from the target"
+        if not goal.is_region:
+            return f"lands {off}"
+        landing = self.deciding.landing
+        theta = None if goal.theta is None else landing.theta
+        place = goal.in_plane(landing.x, theta).changed(velocity=None, arrival=None)
+        inside = "in the target region" if dx == dtheta == 0.0 else f"{off} region"
+        return f"lands at {place.words}, {inside}"

@@ -16,7 +16,7 @@ from ...problems.files import filling, plain, write_json
 from ..result import Plan
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
 from ..throw import ThrowBatch
-from ..verdict import Code, DelayScan, RestCount, Sampler, Verdicts, unit_of
+from ..verdict import DelayScan, RestCount, Sampler, Verdicts, unit_of
 from .statistics import OUTER, delay_band, quantiles, swings
 from .summary import sweep_summary
 
@@ -95,8 +95,9 @@ class Sweep(ReadOnly):
         bias: of the nominal landing from the target; position and angle are sizes, x and theta
         signed. quantiles: of the distances from the nominal landing; scaled is the pose error
         (position plus angle times half the length). sensitivity: derivatives in the parameter, and
-        shares of the variances. delay_inside: the largest delays [s] beyond the mean that succeed,
-        null above 50 ms.
+        shares of the variances. broken: shares of the throws that fail by each code of plan.json;
+        a landing outside the tolerance but in the cup is no failure. delay_inside: the largest
+        delays [s] beyond the mean that succeed, null above 50 ms.
         """
         scene, target = self.plan.scene, self.plan.goal
         x, theta = (float(value) for value in self.nominal.pose[0, :2])
@@ -116,7 +117,7 @@ class Sweep(ReadOnly):
             "in_cup": None if scene.cup is None else _rate(self.landings.in_cup),
             **self._rest_entries(),
             "held": _rate(self.landings.sticks),
-            "broken": self._broken,
+            "broken": {code.value: share for code, share in self.landings.failures.items()},
             "nominal": {"x": x, "theta": theta},
             "bias": {"position": abs(dx), "angle": abs(dtheta), "x": dx, "theta": dtheta},
             "deviation": {"x": spread[0], "theta": spread[1]},
@@ -165,12 +166,6 @@ class Sweep(ReadOnly):
             return {}
         rate = _rate(np.arange(self.rests.of) < self.rests.rests)
         return {"rests": self.rests.to_dict() | rate}
-
-    @property
-    def _broken(self) -> dict[str, float]:
-        """Shares of the throws by the codes that they break, names as in plan.json."""
-        shares = ((code, float(self.landings.breaks(code).mean())) for code in Code)
-        return {code.value: share for code, share in shares if share > 0.0}
 
     @property
     def _lands(self) -> bool:

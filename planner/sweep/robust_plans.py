@@ -16,7 +16,7 @@ from ...problems import Mesh, Robust, Scene
 from ..ocp import Request, peak_load
 from ..result import Plan
 from ..search import Attempt, NlpCache, Start, Task, attempts, initial_guess_from
-from ..verdict import sampler_of
+from ..verdict import is_as_successful, sampler_of
 from .results import pose_errors
 from .running import SAMPLES, SEED, judge_of, run_sweep
 from .statistics import ROUNDING, quantiles
@@ -37,13 +37,11 @@ ALTERNATIVE = "alternative"
 class HardeningSettings:
     """Settings of the comparison of candidates, and of the end of the search.
 
-    deviations: success rates tie within this many standard deviations of their difference.
     error_tie: 95 % errors tie within this share. good_error: the search ends if all samples succeed
     with at most this share of the plain throw's error. reserved: share of the samples for which
     grip and clearances have a reserve. tries: NLPs of one method from one throw.
     """
 
-    deviations: float = 2.0
     error_tie: float = 0.05
     good_error: float = 0.1
     reserved: float = 0.999
@@ -90,13 +88,8 @@ class JudgedThrow:
         return f"{100 * success.mean():.1f} % succeed, 95 % error {size}"
 
     def is_as_successful(self, other: JudgedThrow) -> bool:
-        """Whether its success rate is not significantly below the other's, by McNemar's test.
-
-        Equally good throws succeed with equal probability in each sample on which they differ.
-        """
-        own, others = self.judged[0], other.judged[0]
-        lost, gained = int((others & ~own).sum()), int((own & ~others).sum())
-        return lost - gained <= SETTINGS.deviations * math.sqrt(lost + gained)
+        """Whether its success rate is not significantly below the other's."""
+        return is_as_successful(self.judged[0], other.judged[0])
 
     def is_good(self, plain: JudgedThrow) -> bool:
         """Whether the search for a better throw may end."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from ...interrupts import INTERRUPTS
 from ...models import Array, Indices
 from ...models.release import BATCH_MODELS, MODELS
 from ...problems import InputError, check_arguments, checked
-from ..result import Plan
+from ..result import Plan, SavedThrow, plan_of
 from ..simulation import named_model
 from ..throw import ThrowBatch
 from ..verdict import FURTHEST, Entries, Judge, Sampler, Verdicts, sampler_of, scan_delays
@@ -38,7 +39,7 @@ STEP_ERROR = 0.1
 
 @check_arguments
 def sweep(
-    plan: Plan,
+    plan: Plan | SavedThrow | str | Path,
     samples: int = SAMPLES,
     seed: int = SEED,
     model: str = "",
@@ -46,12 +47,13 @@ def sweep(
 ) -> Sweep:
     """Throw a solved plan's sent motion under its scene's [uncertainty].
 
+    plan: also what `read_plan` read, or the path of a plan.json or of its folder.
     A scene without that section has an opening delay uniform in +-10 ms. model: of the release;
     empty for the model of the scene's tolerance. The samples are a seeded Sobol sequence; an
     executor spreads chunks of them without any change of the result. Raises InputError for a plan
     without a throw, an unknown model, numbers out of range.
     """
-    result = sweep_until_stopped(plan, samples, seed, model, executor)
+    result = sweep_until_stopped(plan_of(plan), samples, seed, model, executor)
     if result is None or result.samples < samples:
         raise KeyboardInterrupt
     return result
@@ -107,18 +109,14 @@ def check_sweep(samples: int, seed: int, model: str, prefix: str = "") -> None:
 
 
 def judge_of(plan: Plan, model: str, sampler: Sampler) -> Judge:
-    """A judge of throws of a solved plan's motion; InputError for a plan without a throw.
-
-    Clearances of the scene are reserves of the plan: a throw of a sweep fails only on contact.
-    """
+    """A judge of throws of a solved plan's motion; InputError for a plan without a throw."""
     if plan.throw is None or not plan.solved:
         raise InputError(f"plan: status {plan.status}: there is no throw to sweep")
-    scene = plan.scene.without_clearances()
-    early, late, longest = sampler.openings(scene)
+    early, late, longest = sampler.openings(plan.scene)
     reach = min(-FURTHEST, early), max(FURTHEST, late), longest
-    throw = replace(plan.throw.deciding, scene=scene.aimed_at(plan.goal))
-    batch = ThrowBatch.of(throw, plan.goal, sampler.names, reach, model)
-    return Judge(_with_steps(batch, sampler))
+    throw = replace(plan.throw.deciding, scene=plan.scene.aimed_at(plan.goal))
+    judge = Judge.of(throw, plan.goal, sampler.names, reach, model)
+    return Judge(_with_steps(judge.batch, sampler))
 
 
 def _with_steps(batch: ThrowBatch, sampler: Sampler) -> ThrowBatch:

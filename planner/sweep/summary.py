@@ -52,8 +52,11 @@ def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
     lines += _sensitivities(result["sensitivity"])
     inside = result["delay_inside"]
     early, late = (_delay(inside["early"], "-50"), _delay(inside["late"], "+50"))
+    mean = 1e3 * plan.scene.mean_delay
+    about = f" beyond the mean of {mean:g} ms" if mean else ""
     lines.append(
-        f"  delays from {early} to {late} succeed with all else as planned; {result['time']:.1f} s"
+        f"  delays from {early} to {late}{about} succeed with all else as planned; "
+        f"{result['time']:.1f} s"
     )
     return "\n".join(lines)
 

@@ -3,7 +3,7 @@
 This package alone decides on landing, grip, cup and clearances.
 """
 
-from .batch import Judge, Verdicts
+from .batch import Judge, Verdicts, is_as_successful
 from .calibrated import CalibratedLanding, calibrated_landing, region_words
 from .carry import grip_use
 from .delays import FURTHEST, DelayScan, DelayTolerance, scan_delays, with_delays
@@ -15,8 +15,8 @@ from .in_space import (
     motion_verdict,
     obstacles_hit,
 )
-from .landing import lands_well
-from .resting import Entries, RestCount, count_rests
+from .landing import bound_words, lands_well
+from .resting import Entries, RestCount, RestingThrow, count_rests
 from .single import FLYING, collision, held_verdict, outside_tolerance, verdict
 from .uncertainty import (
     Sampler,

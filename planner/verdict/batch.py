@@ -15,10 +15,11 @@ from functools import cached_property
 import numpy as np
 
 from ...models import Array, Flags, FlightState, Indices, ReadOnly
+from ...problems import Pose
 from ..clearance import BAR
-from ..throw import EXACT, BatchFlights, ThrowBatch, torque_limits
+from ..throw import EXACT, BatchFlights, Throw, ThrowBatch, torque_limits
 from .batch_limits import MotionLimits
-from .findings import JOINT_LIMITS, Code, Verdict
+from .findings import JOINT_LIMITS, Code, Verdict, excused
 from .landing import FALLS, LandingStates, landing_uses
 from .single import FLYING, verdict
 
@@ -66,8 +67,14 @@ class Verdicts(ReadOnly):
     @property
     def succeeds(self) -> Flags:
         """Flags (N,) of the successful throws, see `Verdict.succeeds`."""
-        excused = {Code.LANDING} if self.cup else set()
-        return ~self.breaks(*(set(Code) - excused))
+        return ~self.breaks(*(set(Code) - excused(self.cup)))
+
+    @property
+    def failures(self) -> dict[Code, float]:
+        """Shares of the throws that fail by each code; a throw may fail by several."""
+        shares = {code: float(self.breaks(code).mean()) for code in Code}
+        counted = set(Code) - excused(self.cup)
+        return {code: share for code, share in shares.items() if share > 0.0 and code in counted}
 
     @property
     def in_tolerance(self) -> Flags:
@@ -93,12 +100,42 @@ class Verdicts(ReadOnly):
         return Verdicts(np.concatenate([part.pose for part in parts]), broken, parts[0].cup)
 
 
+#: Success rates tie within this many standard deviations of their difference.
+DEVIATIONS = 2.0
+
+
+def is_as_successful(own: Flags, other: Flags) -> bool:
+    """Whether a success rate is not significantly below another one over the same samples (N,).
+
+    McNemar's test: equally good throws succeed with equal probability in each sample on which they
+    differ.
+    """
+    lost, gained = int((other & ~own).sum()), int((own & ~other).sum())
+    return lost - gained <= DEVIATIONS * math.sqrt(lost + gained)
+
+
 @dataclass(frozen=True)
 class Judge:
     """Throws a motion with other values of its parameters, and judges the throws; caches the checks
     of the motion. It can be pickled."""
 
     batch: ThrowBatch
+
+    @classmethod
+    def of(
+        cls,
+        throw: Throw,
+        target: Pose,
+        names: Sequence[str],
+        reach: tuple[float, float, float],
+        model: str = "",
+    ) -> Judge:
+        """Judges the success of throws of a planned motion; arguments as `ThrowBatch.of`.
+
+        Clearances of the scene are reserves of the plan: a thrown object fails only on contact.
+        """
+        bare = throw.in_scene(throw.scene.without_clearances())
+        return cls(ThrowBatch.of(bare, target, names, reach, model))
 
     def verdicts(self, values: Array) -> Verdicts:
         """Verdicts on N throws: values (N, P) of the batch's parameters, SI units."""

@@ -19,8 +19,8 @@ FURTHEST = 0.05
 #: Sections of three nested scans for the first delay that fails; the first covers all delays up to
 #: `FURTHEST`.
 SECTIONS = (100, 64, 64)
-#: Delay [s] by which the landing's change per delay is said.
-MILLISECOND = 0.001
+#: Delay [s] whose landing a plan says; the landing is no linear function of the delay.
+SAID = 0.010
 
 
 @dataclass(frozen=True)
@@ -75,42 +75,47 @@ def with_delays(batch: ThrowBatch, delays: Array, values: Array) -> tuple[ThrowB
 class DelayTolerance:
     """What an opening that is early or late does to a throw, by exact releases of its motion.
 
-    x [m], theta [rad]: change of the landing per second of delay, between 1 ms early and 1 ms late;
-    NaN where one of these never lands. scan: the delays that succeed.
+    early, late: change of the landing (x [m], theta [rad]) by an opening 10 ms early or late; NaN
+    where it never lands. scan: the delays that succeed, as in a sweep.
     """
 
-    x: float
-    theta: float
+    early: tuple[float, float]
+    late: tuple[float, float]
     scan: DelayScan
 
     @classmethod
     def of(cls, throw: Throw, target: Pose) -> DelayTolerance:
-        """That of a solved throw; [uncertainty] does not count. target: the requested one."""
-        sure = throw.in_scene(throw.scene.changed(uncertainty=None))
-        opening = sure.scene.gripper.profile().opening
-        batch = ThrowBatch.of(sure, target, ("delay",), (-FURTHEST, FURTHEST, opening))
-        ends = [batch.one(np.array([d])).landing for d in (-MILLISECOND, MILLISECOND)]
-        x, theta = (getattr(ends[1], k) - getattr(ends[0], k) for k in ("x", "theta"))
-        return cls(x / (2 * MILLISECOND), theta / (2 * MILLISECOND), scan_delays(Judge(batch)))
+        """That of a solved throw. target: the requested one."""
+        opening = throw.scene.gripper.profile().opening
+        judge = Judge.of(throw, target, ("delay",), (-FURTHEST, FURTHEST, opening))
+        at = [judge.batch.one(np.array([delay])).landing for delay in (0.0, -SAID, SAID)]
+        early, late = ((end.x - at[0].x, end.theta - at[0].theta) for end in at[1:])
+        return cls(early, late, scan_delays(judge))
 
     @property
     def words(self) -> str:
         """The same as a sentence."""
-        moves = "lets the object miss the target's height"
-        if math.isfinite(self.x):
-            turn = math.degrees(MILLISECOND * self.theta)
-            moves = f"moves the landing by {self.x:+.2f} mm and {turn:+.2f} deg"
         return (
-            f"the gripper's delay is not measured: each ms of it {moves};\n"
-            f"        the throw succeeds up to {_borne(self.scan.early)} early and "
-            f"{_borne(self.scan.late)} late. Measure the delay for [uncertainty]\n"
-            "        (throwplan measure-gripper, or identify --delay on measured throws)"
+            f"the gripper's delay is not measured: {1e3 * SAID:g} ms early the object "
+            f"{_moved(*self.early)},\n        {1e3 * SAID:g} ms late it {_moved(*self.late)}; "
+            f"the throw succeeds up to {_borne(self.scan.early)} early\n        and "
+            f"{_borne(self.scan.late)} late. Measure the delay for [uncertainty] (throwplan "
+            "measure-gripper,\n        or identify --delay on measured throws)"
         )
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON, SI units; early and late are None without a failure up to 50 ms."""
-        table: dict[str, Any] = plain({"x": self.x, "theta": self.theta} | vars(self.scan))
+        moved = {"early": self.early, "late": self.late}
+        changes = {key: dict(zip(("x", "theta"), pose, strict=True)) for key, pose in moved.items()}
+        table: dict[str, Any] = plain(vars(self.scan) | {"landing": {"delay": SAID} | changes})
         return table
+
+
+def _moved(x: float, theta: float) -> str:
+    """A change of the landing [m, rad] as text."""
+    if not math.isfinite(x):
+        return "misses the target's height"
+    return f"lands {1e3 * x:+.1f} mm and {math.degrees(theta):+.1f} deg off"
 
 
 def _borne(delay: float | None) -> str:

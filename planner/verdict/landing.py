@@ -98,6 +98,26 @@ def landing_uses(scene: Scene, target: Pose, at: LandingStates) -> list[LimitUse
     return uses
 
 
+def bound_words(scene: Scene, target: Pose, x: float, theta: float) -> str:
+    """A sentence about a landing at x [m], theta [rad] at the bounds of a region; empty elsewhere.
+
+    At a bound: nearer than the tolerance, or, with [calibration], than measured throws scatter.
+    """
+    known, tolerance = scene.calibration, scene.tolerance
+    near = [tolerance.position, tolerance.angle]
+    if known is not None:
+        near = np.maximum(near, [known.position, known.angle]).tolist()
+    off = abs(x - target.plane_x), abs(theta - (target.theta or 0.0))
+    ranges = zip(("x", "theta"), off, target.half_widths, near, strict=True)
+    bounds = [name for name, far, half, room in ranges if half and far > half - room]
+    if not bounds:
+        return ""
+    words = f"lands at the region's bound of {' and '.join(bounds)}"
+    if known is not None:
+        words += ", nearer than your throws scatter: many land outside it"
+    return words
+
+
 def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -> Flags:
     """Flags (N,) of the flights inside [landing] and [cup], with the cup moved to each landing.
 

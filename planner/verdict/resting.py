@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, Flags
 from ...problems import Rest, Scene
-from ..rest import entry_states, roll_to_rest
+from ..rest import Ends, entry_states, roll_to_rest
 from ..throw import Throw
-from .batch import Judge
+from .batch import Judge, is_as_successful
 from .findings import Code, Finding
 from .uncertainty import HALF_CELL, sample_throws
 
 #: Throws that a plan's count samples.
 COUNTED = 64
-#: Seed of the samples of a plan's count; those that choose a plan have others.
+#: Seed of the samples of a plan's count.
 REPORTED = 1
+#: Seed of the samples that choose a plan; others than those counted, which would flatter it.
+COMPARED = 7
+#: Throws of a comparison of success: as many as a sweep has.
+SWEPT = 1000
 #: Findings of throws that do not come to their flight: these rest nowhere.
 STOPPED = (Code.NO_LANDING, Code.RELEASE, Code.SLIP_BEFORE_OPENING)
 
@@ -82,13 +87,15 @@ class Entries:
     """Sampled throws of one motion as they come down to the bodies around the target.
 
     states (N, 6): poses and twists in the throw's plane, as a target that moves sees them;
-    restitution, friction (N,): of their contacts; stopped: further throws that never fly.
+    restitution, friction (N,): of their contacts; flies (M,): flags of the sampled throws that
+    come to their flight, N of them; succeeds (M,): of those that a sweep counts as a success.
     """
 
     states: Array
     restitution: Array
     friction: Array
-    stopped: int
+    flies: Flags
+    succeeds: Flags
 
     @classmethod
     def of(cls, judge: Judge, values: Array, seed: int) -> Entries:
@@ -96,7 +103,8 @@ class Entries:
         batch, rest = judge.batch, judge.batch.scene.rest
         assert rest is not None
         flights = batch.fly(values)
-        flies = ~judge.verdicts(values).breaks(*STOPPED) & np.isfinite(flights.landing).all(axis=1)
+        judged = judge.verdicts(values)
+        flies = ~judged.breaks(*STOPPED) & np.isfinite(flights.landing).all(axis=1)
         detach = flights.start[flies]
         # A moving target is at its place when the throw itself lands.
         speed = batch.target.speed
@@ -106,40 +114,76 @@ class Entries:
         contact = low + (high - low) * _shares(len(values), seed)[flies]
         states = entry_states(batch.scene, detach)[1]
         restitution, friction = contact.T
-        return cls(states, restitution, friction, int((~flies).sum()))
+        return cls(states, restitution, friction, flies, judged.succeeds)
 
     @classmethod
     def sampled(cls, throw: Throw, count: int = COUNTED, seed: int = REPORTED) -> Entries:
         """`count` samples of a throw's [uncertainty]; without it only the contacts vary."""
-        batch, values = sample_throws(throw, throw.target, count, seed)
+        judge, values = sample_throws(throw, throw.target, count, seed)
         if throw.scene.uncertainty is None:
-            values = batch.nominal(count)
-        return cls.of(Judge(batch), values, seed)
+            values = judge.batch.nominal(count)
+        return cls.of(judge, values, seed)
 
     def count(self, scene: Scene) -> RestCount:
         """Where they end, by MuJoCo."""
         assert scene.rest is not None
-        ends = roll_to_rest(scene, self.states, self.restitution, self.friction)
+        ends, stopped = self._ends(scene), int((~self.flies).sum())
         there = ends.where_wanted(scene)
         missed = ~there & ~ends.entered & (scene.rest.in_ is not None)
         moving = ~there & ~ends.at_rest & ~ends.lost & ~missed
         return RestCount(
             scene.rest,
             int(there.sum()),
-            len(self.states) + self.stopped,
+            len(self.flies),
             int(moving.sum()),
-            int(missed.sum()) + (self.stopped if scene.rest.in_ else 0),
+            int(missed.sum()) + (stopped if scene.rest.in_ else 0),
         )
 
+    def stays(self, scene: Scene) -> Flags:
+        """Flags (M,) of the sampled throws that succeed and rest at the wanted place."""
+        stays = self.succeeds & self.flies
+        stays[self.flies] &= self._ends(scene).where_wanted(scene)
+        return stays
 
-def count_rests(throw: Throw, seed: int = REPORTED) -> RestCount | None:
+    def _ends(self, scene: Scene) -> Ends:
+        return roll_to_rest(scene, self.states, self.restitution, self.friction)
+
+
+@dataclass(frozen=True, eq=False)
+class RestingThrow:
+    """A throw among others to its target, by common samples of [uncertainty] and contacts."""
+
+    throw: Throw
+
+    @cached_property
+    def stays(self) -> Flags:
+        """Flags (64,) of the throws that succeed and rest where they should."""
+        return Entries.sampled(self.throw, seed=COMPARED).stays(self.throw.scene)
+
+    @cached_property
+    def succeeds(self) -> Flags:
+        """Flags (1000,) of the throws that a sweep counts as a success."""
+        if self.throw.scene.uncertainty is None:
+            return np.ones(SWEPT, bool)
+        judge, values = sample_throws(self.throw, self.throw.target, SWEPT)
+        return judge.verdicts(values).succeeds
+
+    def is_better_than(self, other: RestingThrow) -> bool:
+        """Whether more throws succeed and stay: significantly more, or at no cost of success."""
+        if self.stays.sum() <= other.stays.sum():
+            return False
+        significant = not is_as_successful(other.stays, self.stays)
+        return significant or is_as_successful(self.succeeds, other.succeeds)
+
+
+def count_rests(throw: Throw) -> RestCount | None:
     """The count over samples of a throw's uncertain parameters and contacts.
 
     None without [rest]; InputError without MuJoCo.
     """
     if throw.scene.rest is None:
         return None
-    return Entries.sampled(throw, seed=seed).count(throw.scene)
+    return Entries.sampled(throw).count(throw.scene)
 
 
 def _shares(count: int, seed: int) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from ...models import Array, ReadOnly
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import Distribution, Pose, Scene, Uncertainty
-from ..throw import Throw, ThrowBatch
+from ..throw import Throw
 from .batch import Judge
 from .findings import Code, Finding
 
@@ -151,12 +151,12 @@ def unit_of(name: str) -> tuple[float, str]:
     return (math.degrees(1.0), "deg") if Uncertainty.PARAMETERS[name].degrees else (1e3, "mm")
 
 
-def warnings(throw: Throw, target: Pose) -> tuple[Finding, ...]:
+def warnings(throw: Throw, target: Pose, robust: bool = False) -> tuple[Finding, ...]:
     """Warnings about a solved throw.
 
-    target: the requested one, which may move.
+    target: the requested one, which may move; robust: whether a robust throw was looked for.
     """
-    return (*_models(throw, target), *_reserves(throw, target))
+    return (*_models(throw, target), *_reserves(throw, target, robust))
 
 
 def _models(throw: Throw, target: Pose) -> Iterator[Finding]:
@@ -178,13 +178,15 @@ def _models(throw: Throw, target: Pose) -> Iterator[Finding]:
     yield Finding(Code.MODELS_DIFFER, x, tolerance.position, broken=False, note=words)
 
 
-def _reserves(throw: Throw, target: Pose) -> Iterator[Finding]:
+def _reserves(throw: Throw, target: Pose, robust: bool) -> Iterator[Finding]:
     """Warnings about limits, except the tolerance, that throws within [uncertainty] break."""
+    # A robust plan does not go with a target that moves.
+    first = "" if robust or not target.at_rest else "plan with --robust auto, "
     scene = throw.scene
     if scene.uncertainty is None:
         return
-    batch, values = sample_throws(throw.in_scene(scene.without_clearances()), target)
-    judged = Judge(batch).verdicts(values)
+    judge, values = sample_throws(throw, target)
+    judged = judge.verdicts(values)
     for code in RESERVED:
         share = float(np.mean(judged.breaks(code)))
         if share > 0.0:
@@ -192,18 +194,18 @@ def _reserves(throw: Throw, target: Pose) -> Iterator[Finding]:
             if code is Code.SLIP_BEFORE_OPENING:
                 use = 100 * throw.measured.grip.value
                 note += f"; the plan uses {use:.0f} % of the friction limit"
-            note += f": {code.cure}"
+            note += f": {first}{code.cure}"
             yield Finding(Code.UNCERTAIN, share, 0.0, body=code.value, broken=False, note=note)
 
 
 def sample_throws(
     throw: Throw, target: Pose, count: int = SAMPLES, seed: int = 0
-) -> tuple[ThrowBatch, Array]:
-    """Throws of one motion, and the values (count, P) of the scene's uncertain parameters."""
+) -> tuple[Judge, Array]:
+    """A judge of one motion's throws, and values (count, P) of the uncertain parameters."""
     sampler = sampler_of(throw.scene, seed)
     early, late, longest = sampler.openings(throw.scene)
     reach = min(early, 0.0), max(late, 0.0), longest
-    return ThrowBatch.of(throw, target, sampler.names, reach), sampler.draw(0, count)
+    return Judge.of(throw, target, sampler.names, reach), sampler.draw(0, count)
 
 
 def landing_spread(throw: Throw, target: Pose) -> float:
@@ -212,7 +214,8 @@ def landing_spread(throw: Throw, target: Pose) -> float:
 
     target: theta counts if it fixes it.
     """
-    batch, values = sample_throws(throw, target)
+    judge, values = sample_throws(throw, target)
+    batch = judge.batch
     change = batch.fly(values).landing - batch.fly(batch.nominal()).landing
     turn = 0.0 if target.theta is None else change[:, 1]
     errors = throw.scene.object.pose_error(change[:, 0], turn)

@@ -11,9 +11,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import throwplan as tp
+from builders import profile_bin
 from throwplan.models.release import TableGrip
 from throwplan.planner.identify import (
     Belief,
+    Identified,
     Predictor,
     applied,
     contact_text,
@@ -22,6 +24,7 @@ from throwplan.planner.identify import (
     measured,
     parameter_sets,
     prior_of,
+    throw_data,
     thrown,
 )
 from throwplan.problems import (
@@ -225,3 +228,70 @@ def test_a_prior_that_knows_a_value_exactly_holds_it() -> None:
     prior = load_scene("pose").replace(uncertainty=known)
     found = identify(made(4, "sp", 0.004), "sp", prior=prior, delay=True)
     assert found.posterior.value("delay") == pytest.approx(0.004, abs=1e-5)
+
+
+#: Noise of a joint [rad], of a landing [m, rad], and rate [Hz] of the recordings.
+ENCODER, LANDED, RATE = 5e-5, (0.004, math.radians(1.5)), 500
+#: The true contact of recorded throws.
+TRUTH = {"friction": 0.45, "patch_radius": 0.0045}
+
+
+@pytest.fixture(scope="module")
+def swings() -> tuple[tp.Plan, ...]:
+    planner = tp.Planner(profile_bin(cup=None, obstacle=(), target=tp.Pose(x=1.1, z=-0.15)))
+    places = [(1.0, -60), (1.2, -50), (1.25, -70), (0.9, -90), (1.1, -90), (1.2, -30)]
+    return tuple(planner.plan(tp.Pose(x, -0.15, math.radians(angle))) for x, angle in places)
+
+
+def recorded(swings: tuple[tp.Plan, ...], seed: int, **changes: Any) -> ThrowData:
+    """Three recordings of the joints of each swing, thrown with the true contact."""
+    rng, throws = np.random.default_rng(seed), []
+    base = throw_data(swings)
+    for plan, throw in zip(swings, base.throws, strict=True):
+        sent, scene = plan.throw.deciding, plan.scene
+        real = dataclasses.replace(scene.contact, **TRUTH)
+        landing = sent.in_scene(sent.scene.replace(contact=real)).landing
+        path = plan.path()
+        step, lead = 1 / RATE, round(0.2 * RATE)
+        joints = np.pad(path.joints[:: 1000 // RATE], ((lead, lead), (0, 0)), mode="edge")
+        times = step * (np.arange(len(joints)) - lead)
+        for repeat in range(3):
+            off = rng.normal(size=2) * LANDED
+            throws.append(
+                dataclasses.replace(
+                    throw,
+                    name=f"{throw.name}-{repeat}",
+                    times=times,
+                    motion=joints + ENCODER * rng.normal(size=joints.shape),
+                    landing=(landing.x + off[0], -0.15, landing.theta + off[1]),
+                )
+            )
+    noise = {"position_noise": LANDED[0], "angle_noise": LANDED[1]}
+    shared = base.shared.changed(arm="panda", **noise, **changes)
+    return ThrowData("recorded", shared, tuple(throws), swings[0].scene.arm)
+
+
+def deviations_off(found: Identified) -> float:
+    """Error of the fitted product, in its own standard deviations."""
+    error = math.log(found.posterior.product / (TRUTH["friction"] * TRUTH["patch_radius"]))
+    return error / found.posterior.product_deviation
+
+
+def test_noisy_joints_tell_the_true_contact(swings) -> None:
+    """Also by a low-pass that smooths the swing: the fit then says that it depends on it."""
+    found, smooth = (identify(recorded(swings, 0, **one)) for one in ({}, {"cutoff": 30.0}))
+    low, high = found.posterior.product_interval
+    assert low < TRUTH["friction"] * TRUTH["patch_radius"] < high < 1.8 * low
+    assert found.cutoff.chosen and 35 < found.cutoff.cutoff < 110
+    assert "cutoff" in found.summary() and found.to_dict()["fit"]["cutoff"]["chosen"]
+    (below, small), (above, large) = smooth.cutoff.beside
+    assert not smooth.cutoff.chosen and below < 30.0 < above
+    assert small < smooth.posterior.product < large < found.posterior.product
+
+
+@pytest.mark.slow
+def test_the_interval_of_noisy_joints_covers_the_truth(swings) -> None:
+    off = [deviations_off(identify(recorded(swings, seed))) for seed in range(12)]
+    assert np.sum(np.abs(off) < 1.96) >= 10
+    # Neither is it too wide to say anything.
+    assert np.std(off) > 0.15

@@ -89,7 +89,9 @@ def test_the_delay_that_a_throw_bears_is_that_of_a_sweep(plan_of, name) -> None:
     and the landing moves as these say."""
     plan = plan_of(name)
     borne = plan.delay
-    assert borne.to_dict() == {"x": borne.x, "theta": borne.theta, **vars(borne.scan)}
+    said = borne.to_dict()
+    assert {key: said[key] for key in ("early", "late")} == vars(borne.scan)
+    assert tp.sweep(plan, samples=1).to_dict()["delay_inside"] == vars(borne.scan)
     early, late = (0.05 if end is None else abs(end) for end in vars(borne.scan).values())
 
     def swept(low: float, high: float) -> tp.Sweep:
@@ -103,14 +105,12 @@ def test_the_delay_that_a_throw_bears_is_that_of_a_sweep(plan_of, name) -> None:
     assert swept(-0.999 * most, 0.999 * most).success.all()
     beyond = swept(-1.5 * most, 1.5 * most)
     assert 0.55 < beyond.success.mean() < 0.92
-    small = swept(-0.001, 0.001)
-    (i,) = np.flatnonzero(np.array(small.batch.names) == "delay")
-    pose, delays = small.landings.pose, small.values[:, i]
-    first, last = np.argmin(delays), np.argmax(delays)
-    # A batch's releases are stepped: less than 0.04 mm and 0.02 degrees.
-    for k, (slope, error) in enumerate(((borne.x, 0.02), (borne.theta, 0.2))):
-        moved = (pose[last, k] - pose[first, k]) / 0.002
-        assert moved == pytest.approx(slope, rel=0.03, abs=error)
+    ten = swept(-said["landing"]["delay"], said["landing"]["delay"])
+    order = np.argsort(ten.values[:, 0])
+    for row, end in ((order[0], "early"), (order[-1], "late")):
+        moved = (ten.landings.pose - ten.nominal.pose)[row, :2]
+        # A batch's releases are stepped.
+        assert moved == pytest.approx(list(said["landing"][end].values()), rel=0.01, abs=2e-4)
 
 
 def test_a_known_delay_is_not_called_unknown(plan_of) -> None:

@@ -223,6 +223,19 @@ def test_findings_say_value_limit_time_and_body(cup_plan) -> None:
         assert finding.limit == 0.6 and finding.value < 0.6 and 0.0 <= finding.time < 3.0
 
 
+def test_an_exceeded_reserve_names_a_robust_plan_first(plan_of) -> None:
+    plan = plan_of("fr3")
+    unsure = tp.Uncertainty(friction=tp.Distribution(uniform=0.9, relative=True))
+    plan = replace(plan, scene=plan.scene.changed(uncertainty=unsure))
+    throw = plan.throw.deciding
+    plan = replace(plan, throw=replace(plan.throw, deciding=throw.in_scene(plan.scene)))
+    (found,) = (f for f in plan.verdict.warnings if f.body == "slip_before_opening")
+    assert found.note.endswith(f": plan with --robust auto, {Code.SLIP_BEFORE_OPENING.cure}")
+    (robust,) = (f for f in replace(plan, robust="quiet").verdict.warnings if f.body == found.body)
+    assert robust.note.endswith(f": {Code.SLIP_BEFORE_OPENING.cure}")
+    assert robust.note != found.note
+
+
 def test_a_plan_s_json_has_its_findings(plan_of) -> None:
     solved = plan_of("hand-flip").to_dict()
     assert [found["code"] for found in solved["findings"]] == ["models_differ"]

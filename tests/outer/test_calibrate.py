@@ -363,7 +363,8 @@ def test_wrong_files_and_options_are_refused(refused, plans, tmp_path):
     path.write_text("plan,x,theta\nnowhere,1.2,0\n")
     assert "line 2:" in refused("calibrate --scene pose", path)
     throws_file(plans, path, 9, bias=(0.0, 6.2))
-    assert "full turns count" in refused("calibrate --scene pose", path)
+    said = refused("calibrate --scene pose", path)
+    assert "theta is in radians (is it in degrees?), and full turns count" in said
     throws_file(plans, path, 9)
     assert "its arm is not the scene's" in refused("calibrate --scene hand-flip", path)
     assert "[motion]" in refused("calibrate --scene drop", path)

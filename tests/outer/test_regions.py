@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import nlp_of
+from throwplan.problems import Calibration
 
 #: A region about the target of `pose`, by its bounds in x [m] and theta [rad].
 X, THETA = (1.15, 1.25), (-0.2, 0.2)
@@ -47,6 +48,17 @@ def test_it_lands_between_the_bounds_at_no_higher_cost_than_at_any_of_its_poses(
         if (found := pose_planner.plan(tp.Pose(x=x, z=0.1, theta=theta))).solved
     ]
     assert costs and plan.throw.effort <= 1.001 * min(costs)
+
+
+def test_a_plan_says_where_in_its_region_it_lands_and_that_this_is_a_bound(plan) -> None:
+    landing = plan.throw.deciding.landing
+    place = f"x {landing.x:.3f} m, z 0.100 m, theta {math.degrees(landing.theta):.1f} deg"
+    for one in (plan.message, plan.summary()):
+        assert f"lands at {place}" in one
+    # The cheapest throw is the nearest one.
+    assert landing.x == pytest.approx(X[0], abs=NEAR[0])
+    assert "note: lands at the region's bound of x" in plan.summary()
+    assert "--robust auto aims inside" in plan.bound_words
 
 
 def test_a_landing_between_the_bounds_has_no_error(planner_of) -> None:
@@ -145,6 +157,14 @@ def test_a_robust_plan_lands_in_the_middle(pose_planner, plan) -> None:
     assert found.solved and found.robust == "quiet"
     landing = found.to_dict()["landing"]["limit_surface"]
     assert_inside(landing, (1.1999, 1.2001), (-1e-3, 1e-3))
+    assert found.bound_words == ""
+    # The scatter of measured throws counts as their calibration says.
+    known = {"x": 0.0, "theta": 0.0, "position": 0.018, "angle": 0.21, "com": 0.1}
+    known |= {"x_interval": (0.0, 0.0), "theta_interval": (0.0, 0.0), "mass": 0.1, "force": 60.0}
+    known |= {"speed": (1.0, 5.0), "rate": (-9.0, 9.0), "friction": 0.6, "patch_radius": 0.006}
+    calibration = Calibration(throws=20, level=0.9, opening=0.04, model="ls-step", **known)
+    wide = dataclasses.replace(found, scene=found.scene.replace(calibration=calibration))
+    assert "the region's bound of theta, nearer than your throws scatter" in wide.summary()
     plain, quiet = (
         tp.sweep(one, samples=256).to_dict()["success"]["rate"] for one in (plan, found)
     )
