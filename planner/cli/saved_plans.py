@@ -26,6 +26,7 @@ from .common import (
     fail,
     integer,
     number,
+    plan_text,
     prepare_out,
     print_result,
     report_step,
@@ -101,7 +102,7 @@ def play(options: argparse.Namespace) -> int:
         with Progress(f"{scene.name}: planning"):
             plan = first_plan(planner)
         if not plan.solved:
-            print_result(options, plan.to_dict(), plan.summary())
+            print_result(options, plan.to_dict(), plan_text(plan))
             return fail(plan.message)
         page = PlayPage(server, planner, plan)
         try:

@@ -43,6 +43,7 @@ from .common import (
     integer,
     notes,
     number,
+    plan_text,
     prepare_out,
     print_result,
     save_out,
@@ -135,7 +136,7 @@ def plan(options: argparse.Namespace) -> int:
             patience=options.patience,
         )
     found = save_out(options, scene.name, found.save) or found
-    text = found.summary() + written(options)
+    text = plan_text(found) + written(options)
     if found.solved and len(found.alternatives) < alternatives:
         text += f"\n  found no more of {alternatives} alternatives: all starts lead to these throws"
     delay = {} if found.delay is None else {"delay": found.delay.to_dict()}

@@ -22,6 +22,7 @@ from ..verdict import (
     Verdict,
     bound_words,
     calibrated_landing,
+    drop_words,
     verdict,
     warnings,
 )
@@ -248,24 +249,17 @@ class Plan:
         return path_of(sent_throw(self))
 
     def summary(self) -> str:
-        """The plan as lines for people: status, errors, times, solver."""
+        """The plan as lines for people: status and message, times, limits, solver."""
         result, scene = self.to_dict(), self.scene
-        solver, error = result["solver"], result["error"]
-        lines = [f"{scene.name}: {self.status}" + (f", {self.message}" if self.solved else "")]
-        lines.append(f"  target {self.target.words}")
-        for name, off in error.items():
-            if off is not None and off["position"] is not None:
-                note = ", which decides" if name == result["decides"] else ""
-                position, angle = 1e3 * off["position"], math.degrees(off["angle"])
-                label = name.replace("_", " ")
-                lines.append(f"  {label:14} error {position:8.3f} mm {angle:8.3f} deg{note}")
+        solver = result["solver"]
+        lines = [f"{scene.name}: {self.status}, {self.message}", f"  target {self.target.words}"]
         if self.calibrated is not None:
             said = self.calibrated.aim_words, self.calibrated.words
             lines += [f"  {words}" for words in said if words]
         if self.rests is not None:
             lines.append(f"  {self.rests.words}")
         lines += [f"  warning: {finding.words}" for finding in self.verdict.warnings]
-        lines += [f"  note: {words}" for words in [self.bound_words] if words]
+        lines += [f"  note: {words}" for words in self._notes if words]
         if self.solved and scene.cup is not None and scene.rest is None:
             lines.append("  note: whether it stays in the cup is not looked at; [rest] does")
         floor = scene.bounds.floor
@@ -305,6 +299,12 @@ class Plan:
                 f"{1e3 * grip.dwell:.1f} ms, opening {1e3 * grip.opening:.1f} ms"
             )
         return "\n".join(lines)
+
+    @property
+    def _notes(self) -> tuple[str, str]:
+        """Sentences about the landing and the hand of a solved throw, or empty."""
+        throw = self.throw if self.solved else None
+        return self.bound_words, "" if throw is None else drop_words(throw.deciding)
 
     @property
     def bound_words(self) -> str:

@@ -161,7 +161,7 @@ class Throw:
     def grip_words(self) -> str:
         """Largest use of the grip's friction, the rest, and the scene's reserve, as text."""
         use, reserve = self.measured.grip, self.scene.gripper.sticking_margin
-        left = f"{100 * (1 - use.value):.0f} % are left (sticking_margin {reserve:g})"
+        left = f"{100 * (1 - use.value):.0f} % are left, {100 * reserve:g} % are asked for"
         return (
             f"grip: at most {100 * use.value:.0f} % of its friction limit before the opening, at "
             f"{use.time:.2f} s; {left}"

@@ -15,7 +15,7 @@ from .in_space import (
     motion_verdict,
     obstacles_hit,
 )
-from .landing import bound_words, lands_well
+from .landing import bound_words, drop_words, lands_well
 from .resting import Entries, RestCount, RestingThrow, count_rests
 from .single import FLYING, collision, held_verdict, outside_tolerance, verdict
 from .uncertainty import (

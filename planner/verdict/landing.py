@@ -10,13 +10,15 @@ import numpy as np
 
 from ...models import Array, Flags, FlightState
 from ...problems import Cup, Pose, Scene, Tolerance
-from ..throw import TICK, cup_entries
+from ..throw import TICK, Throw, cup_entries
 from .findings import Code
 
 #: Least speed [m/s] at which the CoM must fall through the target's height. At slower falls, near
 #: the apex, micrometres of the release are millimetres of the landing.
 FALLS = 0.02
 
+#: Speed [m/s] of the hand at the opening below which a throw is called a drop.
+DROP = 0.1
 #: Allowed excess over the tolerance, a share of it: covers rounding in files.
 ROUNDING = 1e-6
 #: Error [m] of a clearance in the cup, from the bisection of its instants.
@@ -134,3 +136,12 @@ def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -
         shifted[:, 0] += target.plane_x - x
         good &= cup_entries(scene, shifted, time) > least_cup_clearance(scene.cup) + more
     return np.asarray(good)
+
+
+def drop_words(throw: Throw) -> str:
+    """A sentence about a hand that hardly moves as it opens; empty for others."""
+    v_x, v_z, _ = throw.hand(np.array([throw.opening_time])).twist[:, 0]
+    speed = math.hypot(v_x, v_z)
+    if speed > DROP:
+        return ""
+    return f"the hand moves at {speed:.2f} m/s as it opens: it drops the object, at least effort"
