@@ -191,7 +191,7 @@ class Pose(Section):
         (x, turn), theta = self.half_widths, "free"
         if self.theta is not None:
             theta = f"{_words(math.degrees(self.theta), math.degrees(turn), 1)} deg"
-        aside = f", y {self.y:.3f} m" if self.y else ""
+        aside = f", y {self.y:.3f} m" if abs(self.y) >= 5e-4 else ""
         words = f"x {_words(self.x, x, 3)} m{aside}, z {self.z:.3f} m, theta {theta}"
         if self.velocity is not None:
             words += f" at {self.since:.3f} s, moving at {self.speed:g} m/s"

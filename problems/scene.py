@@ -195,29 +195,13 @@ class Scene(Section):
         if self.cup is None or self.target is None or self.target.theta is None:
             return
         grid = self.target.grid(GRID).T.tolist()
-        reasons = [self._outside_cup(self.cup, x, self.target.z, theta) for x, theta in grid]
+        most = self.tolerance.position + self.object.length * self.tolerance.angle
+        reasons = [
+            self.cup.why_missed(self.object, (x, self.target.z, theta), most) for x, theta in grid
+        ]
         if all(reasons):
             why = reasons[len(reasons) // 2]
             raise InputError(f"[cup] at the [target] the bar is not in the cup: {why}")
-
-    def _outside_cup(self, cup: Cup, x: float, z: float, theta: float) -> str:
-        """Why a bar with its CoM at x, z cannot have entered the cup; empty if it can."""
-        cos, sin, bar = math.cos(theta), math.sin(theta), self.object
-        error = self.tolerance.position + bar.length * self.tolerance.angle
-        if bar.outline:
-            # Only the place of the lowest end: the plan finds whether the rest fits.
-            along, across, radius = bar.lowest_end(theta)
-            depth = cup.rim - (z + along * sin + across * cos - radius)
-            off = abs(x + along * cos - across * sin - cup.x)
-            return cup.why_outside(off, depth, error) if depth > 0.0 else ""
-        along = min(-bar.com, bar.length - bar.com, key=lambda s: s * sin)
-        x, z = x + along * cos, z + along * sin
-        if z >= cup.rim:
-            return ""
-        # From the lower end up to the rim plane, or to the other end.
-        up = min((cup.rim - z) / abs(sin), bar.length) if sin else bar.length
-        mouth = x - math.copysign(up, along) * cos
-        return cup.why_outside(max(abs(x - cup.x), abs(mouth - cup.x)), cup.rim - z, error)
 
     def replace(self, **changes: Any) -> Scene:
         """A copy with the given sections changed, e.g. ``scene.replace(target=Pose(...))``.

@@ -116,6 +116,27 @@ class Cup(Section):
             return f"{depth:.3g} m below its rim, depth {self.depth:g} m"
         return ""
 
+    def why_missed(
+        self, thing: ThrownObject, pose: tuple[float, float, float], error: float
+    ) -> str:
+        """Why an object with its CoM at x, z [m], theta [rad], to an `error` [m], cannot have
+        entered; empty if it can."""
+        (x, z, theta), cos, sin = pose, math.cos(pose[2]), math.sin(pose[2])
+        if thing.outline:
+            # Only the place of the lowest end: the plan finds whether the rest fits.
+            along, across, radius = thing.lowest_end(theta)
+            depth = self.rim - (z + along * sin + across * cos - radius)
+            off = abs(x + along * cos - across * sin - self.x)
+            return self.why_outside(off, depth, error) if depth > 0.0 else ""
+        along = min(-thing.com, thing.length - thing.com, key=lambda s: s * sin)
+        x, z = x + along * cos, z + along * sin
+        if z >= self.rim:
+            return ""
+        # From the lower end up to the rim plane, or to the other end.
+        up = min((self.rim - z) / abs(sin), thing.length) if sin else thing.length
+        mouth = x - math.copysign(up, along) * cos
+        return self.why_outside(max(abs(x - self.x), abs(mouth - self.x)), self.rim - z, error)
+
     def check_target(self, target: Pose) -> None:
         """InputError if the target leaves open which end goes in."""
         if target.theta is None:
