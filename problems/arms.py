@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ..models.robot import (
     Arm,
@@ -16,8 +19,10 @@ from ..models.robot import (
     LinkCapsule,
     LinkInertia,
     Slowing,
+    SpatialArm,
     Tool,
     described,
+    segment_distance,
 )
 from .checks import InputError, within
 from .files import read_text, shipped, toml_lines, toml_tables
@@ -36,6 +41,12 @@ TABLES: dict[str, type[Any]] = {
     "links": LinkInertia,
     "capsules": LinkCapsule,
 }
+
+#: Number of random states at which a gripper is compared with a wrist's link.
+WRIST_STATES = 500
+#: Share of these at which a thinned gripper is clear of the link, and by how much at least [m]: it
+#: covers the motion between the instants that a verdict checks.
+WRIST_SHARE, WRIST_ROOM = 0.75, 0.003
 
 #: Description of the frame of a gripper's body.
 FRAME = "in the flange's frame, z out of the hand, y along the pads' closing"
@@ -128,7 +139,71 @@ def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None 
     if gripper is None and own is not None:
         with within(f"gripper = {own!r}"):
             gripper = load_gripper(str(own), folder)
-    return arm_from(tables if gripper is None else gripper.on(tables))
+    if gripper is None:
+        return arm_from(tables)
+    if hand := tables.get("hand"):
+        raise InputError(
+            f"hand = {hand!r}: includes a hand, on which {gripper.description} cannot be mounted: "
+            "import the arm with --tool FLANGE, its flange's link, without --tcp and --palm"
+        )
+    return _with_gripper_at_wrist(arm_from(gripper.on(tables)), gripper)
+
+
+def _with_gripper_at_wrist(arm: Arm, gripper: GripperData) -> Arm:
+    """The arm, with the capsules of its gripper fitted to the wrist where they meet at most angles.
+
+    Capsules are round where parts end: a gripper's reach behind the flange, a forked link's beyond
+    its joint, so that they may meet at all angles of a wrist whose parts never do. Such a capsule
+    counts to the last link, which adjoins the link two before it, and a thinner one takes its place
+    in the hand: it is clear of that link at `WRIST_SHARE` of the angles. Obstacles, and all other
+    links, see the full one. InputError for a gripper that is all inside that link.
+    """
+    last, hand = arm.joints, arm.joints + 1
+    low, high = arm.limits.position_min, arm.limits.position_max
+    q = np.random.default_rng(0).uniform(low, high, (WRIST_STATES, last))
+    frames = SpatialArm(arm).frames(q)
+    to_last = np.linalg.inv(frames[last, 0]) @ frames[hand, 0]
+    wrist = [c for c in arm.capsules if c.link == last - 2]
+    capsules = [c for c in arm.capsules if c.link != hand]
+    parts, thinned, left_out = list[LinkCapsule](), list[float](), 0
+    for part in (c for c in arm.capsules if c.link == hand):
+        room = np.min([_room(frames, part, link) for link in wrist], axis=0, initial=math.inf)
+        if np.median(room) >= 0:
+            parts.append(part)
+            continue
+        depth = WRIST_ROOM - float(np.quantile(room, 1 - WRIST_SHARE))
+        if depth > 2 * part.radius:
+            raise InputError(
+                f"{gripper.description} is {1e3 * depth:.0f} mm deep in link {last - 2} at "
+                "most angles of the wrist: correct [tool], or shorten this link's [[capsules]]"
+            )
+        ends = [to_last[:3, :3] @ np.array(e) + to_last[:3, 3] for e in (part.begin, part.end)]
+        begin, end = np.round(ends, 12).tolist()
+        capsules.append(LinkCapsule(last, tuple(begin), tuple(end), part.radius))
+        if depth < part.radius:
+            parts.append(replace(part, radius=part.radius - depth))
+            thinned.append(depth)
+        else:
+            left_out += 1
+    if not thinned and not left_out:
+        return arm
+    words = [f"{len(thinned)} of them {1e3 * max(thinned):.0f} mm thinner"] if thinned else []
+    words += [f"{left_out} of them not at all"] if left_out else []
+    note = (
+        f"capsules of {gripper.description} meet link {last - 2} at most angles of the wrist: "
+        f"against this link the check takes {', '.join(words)}"
+    )
+    return replace(arm, capsules=(*capsules, *parts), notes=(*arm.notes, note))
+
+
+def _room(frames: np.ndarray, one: LinkCapsule, other: LinkCapsule) -> np.ndarray:
+    """Distance (N,) [m] between two capsules, below 0: they meet; frames: of `SpatialArm`."""
+    ends = [
+        frames[c.link, :, :3, :3] @ np.array(end) + frames[c.link, :, :3, 3]
+        for c in (one, other)
+        for end in (c.begin, c.end)
+    ]
+    return segment_distance(*ends) - one.radius - other.radius
 
 
 def _tables(kind: str, name: str, folder: Path | None) -> dict[str, Any]:

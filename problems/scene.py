@@ -333,6 +333,8 @@ class Scene(Section):
         if self.robot is not None and self.arm is not None and not self.arm.capsules:
             words = "its joints keep off the floor, its links off nothing"
             sentences.append(f"[robot] arm {self.arm.name} has no [[capsules]]: {words}")
+        if self.arm is not None:
+            sentences += [f"arm {self.arm.name}: {words}" for words in self.arm.notes]
         cup, target = self.cup, self.target
         if cup is not None and target is not None and cup.x == target.x != target.plane_x:
             sentences.append(

@@ -159,6 +159,12 @@ class Arm:
         0.0,
         least=0,
     )
+    hand: str | None = described(
+        "name of the hand that [tool], [[links]] and [[capsules]] include: a scene's "
+        "[gripper] file is refused; left out: there is none, or a gripper may take its place",
+        None,
+    )
+    notes: tuple[str, ...] = described("sentences that plans with this arm repeat", ())
 
     @property
     def joints(self) -> int:

@@ -106,6 +106,7 @@ def run(options: argparse.Namespace) -> int:
         "capsules": len(arm.capsules),
         "cover": arm.cover,
         "unread": list(shapes.unread),
+        "tried": shapes.tried,
         "turned_deg": turned,
         "weak": weak_joints(arm),
     }
@@ -221,6 +222,8 @@ def _facts(options: argparse.Namespace, arm: Arm, chain: UrdfChain) -> dict[str,
         "approach": next(name for name, axis in AXES.items() if axis @ out_of_hand > 0.5),
         "lateral": arm.lateral,
         "tool": chain.tool,
+        "hand": arm.hand,
+        "flange": chain.flange,
         "azimuth": names[arm.azimuth_joint],
         "throwing": [names[joint] for joint in arm.throwing_joints],
         "posture_deg": [math.degrees(angle) for angle in arm.posture],
@@ -269,6 +272,11 @@ def _text(options: argparse.Namespace, result: dict[str, Any]) -> str:
         lines.append(f"the throw's plane is {result['lateral']:.4g} m beside the base's z axis")
     if result["held"]:
         lines.append(f"held at 0: {', '.join(result['held'])}")
+    if result["hand"]:
+        lines.append(
+            f"includes the hand on {result['hand']}, so a scene's [gripper] file is refused; for "
+            f"one, import with --tool {result['flange'] or 'FLANGE'}, without --tcp and --palm"
+        )
     if options.palm is None:
         lines.append("no --palm: the bar is not kept clear of the hand's body")
     if result["capsules"]:
@@ -281,6 +289,7 @@ def _text(options: argparse.Namespace, result: dict[str, Any]) -> str:
         lines.append(f"{words} (no [[capsules]])")
     if result["unread"]:
         links = ", ".join(result["unread"])
+        links += f" (tried {result['tried']})" if result["tried"] else ""
         lines.append(f"meshes not read: {links}: these links have no shape, cover not measured")
     lines.append(f"moved mass {mass:.4g} kg" if mass is not None else "no masses in the URDF")
     lines.append(

@@ -106,6 +106,7 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
     palm = choices.palm or (behind, behind, 0.0)
     tool = Tool(0.0, 0.0, choices.tcp, *palm, xyz=mount.xyz, rpy=mount.rpy)
     azimuth = 1 if choices.azimuth is None else _number(chain, "--azimuth", choices.azimuth)
+    bare = chain.flange == chain.tool and not choices.tcp and choices.palm is None
     draft = Arm(
         name=choices.name,
         description=f"{choices.name}, joints {', '.join(chain.names)}",
@@ -117,6 +118,7 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
         posture=choices.posture or _posture(limits),
         links=link_inertias(chain),
         joint_names=chain.names,
+        hand=None if bare else chain.tool,
     )
     throwing = draft.throwing_joints
     if azimuth in throwing or len(set(throwing)) < len(throwing):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +17,12 @@ from .reading import frame_of, origin, unit_axis
 
 #: The hand points along an axis of the tool link if the cosine to its child links is above this.
 POINTS = 0.8
+#: Names of a hand's links, of links that are likely a hand or a flange, in order of preference, and
+#: of links that are neither.
+HAND = r"hand|gripper|finger|knuckle|robotiq|grasp|tcp"
+LIKELY = (r"tool|hand|tcp|gripper", r"flange|end_?effector|(^|_)eef?(_|$)", r"")
+FINGERS = r"finger|knuckle|thumb"
+SENSORS = r"camera|sensor|optical|depth|lidar|(^|_)imu(_|$)"
 #: A link's axes by their names in options.
 AXES = {
     sign + name: (-1.0 if sign else 1.0) * np.eye(3)[i]
@@ -63,6 +70,14 @@ class UrdfChain:
     def names(self) -> tuple[str, ...]:
         """Names of the chosen joints."""
         return tuple(joint.name for joint in self.joints)
+
+    @property
+    def flange(self) -> str | None:
+        """The last link on the way to the tool that is no hand's by its name; None: the last joint
+        moves a hand."""
+        links = [joint.child for joint in self.path[self.path.index(self.joints[-1]) :]]
+        bare = itertools.takewhile(lambda link: not re.search(HAND, link, re.IGNORECASE), links)
+        return next(reversed([str(link) for link in bare]), None)
 
     def frames(self) -> tuple[JointFrame, ...]:
         """The arm's joint frames, then the hand's, each in the frame before, at angle 0.
@@ -191,10 +206,9 @@ def _named(robot: Any, names: Sequence[str], tool: str | None) -> list[str]:
         hands = _hands(robot)
         if not hands:
             raise InputError("--tool: no link of this file is moved by two joints or more")
-        likely = [name for name in hands if re.search("tool|hand|tcp|gripper", name)]
         raise MissingOptionError(
             f"--tool is missing: the link of the hand, one of {', '.join(hands)}",
-            {"--tool": [(likely or hands)[-1]]},
+            {"--tool": hands[:1]},
         )
     turning = _turning(robot, tool)
     return [
@@ -210,10 +224,24 @@ def _turning(robot: Any, link: str) -> list[str]:
 
 
 def _hands(robot: Any) -> list[str]:
-    """Links that may be a hand: at least two joints turn it, and at most one is below it."""
-    joints_to = {link: _turning(robot, link) for link in robot.link_map}
+    """Links that may be a hand: at least two joints turn it, and at most one is below it.
+
+    By `_rank`; of equal ones the last in the file first.
+    """
+    joints_to = {str(link): _turning(robot, link) for link in robot.link_map}
     inner = {joint for names in joints_to.values() for joint in names[:-2]}
-    return [link for link, names in joints_to.items() if len(names) > 1 and names[-1] not in inner]
+    hands = [link for link, names in joints_to.items() if len(names) > 1 and names[-1] not in inner]
+    hands.reverse()
+    return sorted(hands, key=_rank)
+
+
+def _rank(link: str) -> int:
+    """How likely a link is the hand's by its name, 0: most; fingers, then sensors last."""
+    name = link.lower()
+    last = [re.search(pattern, name) for pattern in (SENSORS, FINGERS)]
+    if any(last):
+        return len(LIKELY) + (1 if last[1] is None else 0)
+    return next(rank for rank, pattern in enumerate(LIKELY) if re.search(pattern, name))
 
 
 def _approach(robot: Any, path: Sequence[Any], tool: str) -> str:

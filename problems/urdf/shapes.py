@@ -25,12 +25,13 @@ DIGITS = 3
 class LinkShapes:
     """Capsules of a robot's links, and the largest distance [m] of the links' meshes outside them.
 
-    unread: the URDF's links whose meshes could not be read.
+    unread: the URDF's links whose meshes could not be read; tried: a file that was not found.
     """
 
     capsules: tuple[LinkCapsule, ...]
     cover: float
     unread: tuple[str, ...]
+    tried: str = ""
 
 
 def link_shapes(chain: UrdfChain, file: Path) -> LinkShapes:
@@ -51,28 +52,29 @@ def link_shapes(chain: UrdfChain, file: Path) -> LinkShapes:
         replace(c, radius=max(round(c.radius - less, DIGITS), 1e-3)) for c in capsules_found
     ]
     outside = [_outside(points, [c for c in capsules_found if c.link == n]) for n, points in clouds]
-    return LinkShapes(
-        tuple(capsules_found), math.ceil(1e3 * max(outside, default=0.0)) / 1e3, tuple(unread)
-    )
+    cover = math.ceil(1e3 * max(outside, default=0.0)) / 1e3
+    tried = next(filter(None, unread.values()), "")
+    return LinkShapes(tuple(capsules_found), cover, tuple(unread), tried)
 
 
-def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]], list[str]]:
+def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]], dict[str, str]]:
     """Meshes (trimesh) of each URDF link, by the `LinkCapsule.link` whose frame they are in.
 
     A link's collision geometry, else its visual one; fingers in all their places. Also the names of
-    links whose meshes are not read. file: the URDF, see `_path`.
+    links whose meshes are not read, each with a file that was not found, or "". file: the URDF, see
+    `_path`.
     """
     robot, hand = chain.robot, len(chain.names) + 1
     frames = _frames(chain)
     moved_by, still = _numbers(chain), dict.fromkeys(robot.actuated_joint_names, 0.0)
     fingers = {name for name in still if moved_by[robot.joint_map[name].parent] == hand}
-    meshes, unread = dict[int, list[list[Any]]](), list[str]()
+    meshes, unread = dict[int, list[list[Any]]](), dict[str, str]()
     for link in robot.link_map.values():
         number, placed = moved_by[link.name], list[Any]()
         try:
             parts = list(_parts(link, file))
-        except Exception:  # trimesh lets through whatever its readers raise.
-            unread.append(link.name)
+        except Exception as error:  # trimesh lets through whatever its readers raise.
+            unread[link.name] = str(error) if isinstance(error, _MissingMeshError) else ""
             continue
         frame, turn = frames[number]
         # Shares of the fingers' ranges.
@@ -139,22 +141,32 @@ def _parts(link: Any, file: Path) -> Iterator[Any]:
         yield mesh
 
 
+class _MissingMeshError(Exception):
+    """The path of a mesh that is not there."""
+
+
 def _path(name: str, file: Path) -> Path:
     """The file that a URDF calls by a name: absolute, beside the URDF, or in a package.
 
     A package is looked for in the folders above the URDF, which may also be inside it, and in those
-    that ROS names.
+    that ROS names. A path from another machine's ROS is looked for as a package's, by what comes
+    after its last `share/`. _MissingMeshError with a file that was tried.
     """
-    package, _, rest = name.removeprefix("package://").partition("/")
+    plain = file.parent / name.removeprefix("file://")
+    candidates = list[Path]()
     if not name.startswith("package://"):
-        return file.parent / name.removeprefix("file://")
-    above, ros = list(file.resolve().parents), []
-    for variable, inside in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
-        folders = os.environ.get(variable, "").split(os.pathsep)
-        ros += [Path(folder) / inside for folder in folders if folder]
-    candidates = [folder / package / rest for folder in [*above, *ros]]
-    candidates += [folder / rest for folder in above]
-    return next((path for path in candidates if path.is_file()), candidates[0])
+        candidates, name = [plain], name.rpartition("/share/")[2] if "/share/" in name else ""
+    package, _, rest = name.removeprefix("package://").partition("/")
+    if rest:
+        above, ros = list(file.resolve().parents), []
+        for variable, inside in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
+            folders = os.environ.get(variable, "").split(os.pathsep)
+            ros += [Path(folder) / inside for folder in folders if folder]
+        candidates += [folder / package / rest for folder in [*above, *ros]]
+        candidates += [folder / rest for folder in above]
+    if found := next((path for path in candidates if path.is_file()), None):
+        return found
+    raise _MissingMeshError(str(next(iter(candidates), name)))
 
 
 # Capsules.

@@ -219,7 +219,10 @@ def test_links_without_a_mesh_are_named(shaped) -> None:
     file, arm, said = shaped
     assert len(arm.capsules) >= 3
     assert f"at most {1e3 * arm.cover:.3g} mm" in said
-    assert "meshes not read: after_bend: these links have no shape, cover not measured" in said
+    line = (
+        r"meshes not read: after_bend \(tried .*/odd/none.stl\): these links have no shape, cover"
+    )
+    assert re.search(line, said)
     assert "no mesh was read of after_bend" in (file.parent / "arm.toml").read_text()
 
 
@@ -347,7 +350,7 @@ def test_joints_by_number_or_all_on_the_way_to_the_tool(tmp_path, odd_file, odd,
     assert main([str(word) for word in ("import-robot", odd_file, *words, *hand)]) == 0
     assert "joint_names = ['turn', 'lift', 'bend', 'roll', 'flick']" in words[1].read_text()
     said = refused("import-robot", odd_file, *words, lines=4)
-    assert "after_flick, hand, pad1" in said
+    assert "one of hand, pad-1, pad1, after_flick" in said
     line = refused("import-robot", odd_file, *words, "--tool", "hand", "--joints", "1", "6")
     assert "--joints: no joint '6'" in line
 

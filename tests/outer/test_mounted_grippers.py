@@ -1,0 +1,136 @@
+"""Imported arms: grippers that meet the wrist, hands that are there, proposed tools, meshes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.problems import load_arm
+from throwplan.problems.arms import load_gripper
+
+OPTIONS = ["--acceleration", "10", "--jerk", "1000"]
+#: Axes of the joints, and where each is in the frame before it [m].
+AXES = ["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0"]
+PLACES = ["0 0 .3", "0 0 .05", "0 0 .4", ".1 0 .03", ".3 0 0", ".08 0 0"]
+#: x axis out of the flange as z axis of the tool.
+OUT = "0 1.5707963267948966 0"
+
+
+def six_axes(folder: Path, wide: float = 0.07, hand: str = "", mesh: str = "") -> Path:
+    """An arm whose forearm, a box that wide [m], ends 60 mm beyond its wrist's centre, 20 mm before
+    the flange; hand: links on tool0; mesh: of link 2."""
+    lines = ['<robot name="six"><link name="base"/>']
+    size = {4: f'<origin xyz=".18 0 0"/><geometry><box size=".36 {wide} {wide}"/>'}
+    if mesh:
+        size[2] = f'<geometry><mesh filename="{mesh}"/>'
+    parent = "base"
+    for n, (axis, place) in enumerate(zip(AXES, PLACES, strict=True), start=1):
+        shape = f"<collision>{size[n]}</geometry></collision>" if n in size else ""
+        lines += [
+            f'<link name="link_{n}">{shape}</link><joint name="j{n}" type="revolute">'
+            f'<parent link="{parent}"/><child link="link_{n}"/><origin xyz="{place}"/>'
+            f'<axis xyz="{axis}"/><limit lower="-2" upper="2" velocity="6" effort="100"/></joint>'
+        ]
+        parent = f"link_{n}"
+    for name, origin in [("tool0", f'rpy="{OUT}"'), *((n, 'xyz="0 0 .1"') for n in hand.split())]:
+        lines += [
+            f'<link name="{name}"/><joint name="to_{name}" type="fixed"><parent link="{parent}"/>'
+            f'<child link="{name}"/><origin {origin}/></joint>'
+        ]
+        parent = "tool0"
+    path = folder / "six.urdf"
+    path.write_text("\n".join([*lines, "</robot>"]))
+    return path
+
+
+def scene_with(folder: Path) -> Path:
+    """A scene with the shipped gripper on the arm of `arm.toml`."""
+    text = tp.scene_text("pose").replace('arm = "panda"', 'arm = "arm.toml"')
+    text = text.replace("[gripper]", '[gripper]\nfile = "robotiq-2f-85"')
+    text = re.sub(r"start_deg = .*", "", text)
+    (folder / "scene.toml").write_text(text)
+    return folder / "scene.toml"
+
+
+def test_a_gripper_that_meets_every_wrist_angle_by_round_ends_throws(tmp_path, run) -> None:
+    """The capsule around a box ends rounder than the box, and reaches the gripper's housing."""
+    words = ["--tool", "tool0", *OPTIONS, "--out", tmp_path / "arm.toml"]
+    assert run("import-robot", six_axes(tmp_path), *words).status == 0
+    scene, arm = tp.load_scene(scene_with(tmp_path)), load_arm("arm.toml", tmp_path)
+    (note,) = (words for words in scene.notes if "Robotiq 2F-85 meet link 4" in words)
+    # All of the gripper is there, the housing as part of the last link; the arm is as it was.
+    assert scene.arm.capsules[: len(arm.capsules)] == arm.capsules
+    radii = [c.radius for c in load_gripper("robotiq-2f-85").capsules]
+    housing, thin, *fingers = scene.arm.capsules[len(arm.capsules) :]
+    assert (housing.link, housing.radius) == (6, radii[0]) and thin.link == 7
+    assert [c.radius for c in fingers] == radii[1:]
+    thinner = re.search(r"the check takes 1 of them (\d+) mm thinner", note)
+    assert radii[0] - thin.radius == pytest.approx(float(thinner[1]) / 1e3, abs=6e-4)
+    x = scene.arm.placed(scene.arm.posture)[-1][0, 3]
+    plan = tp.plan(scene, target=tp.Pose(x + 0.4, 0.3, None))
+    assert plan.solved and note in plan.summary()
+    # The housing is where it was: its ends in the base frame, by the last joint and by the hand.
+    *_, last, flange, tcp = scene.arm.placed(scene.arm.posture)
+    tcp[:3, 3] = flange[:3, 3]
+    for one, other in ((housing.begin, thin.begin), (housing.end, thin.end)):
+        np.testing.assert_allclose(last @ [*one, 1.0], tcp @ [*other, 1.0], atol=1e-12)
+
+
+def test_what_would_be_thinned_to_nothing_is_left_out(tmp_path, run) -> None:
+    words = ["--tool", "tool0", *OPTIONS, "--out", tmp_path / "arm.toml"]
+    assert run("import-robot", six_axes(tmp_path, wide=0.1), *words).status == 0
+    scene = tp.load_scene(scene_with(tmp_path))
+    assert [c.link for c in scene.arm.capsules] == [4, 6, 7, 7]
+    assert any("the check takes 1 of them not at all" in words for words in scene.notes)
+
+
+def test_a_gripper_inside_the_wrist_is_refused_with_its_depth(tmp_path, run, refused) -> None:
+    words = ["--tool", "tool0", *OPTIONS, "--out", tmp_path / "arm.toml"]
+    assert run("import-robot", six_axes(tmp_path, wide=0.3), *words).status == 0
+    line = refused("plan", scene_with(tmp_path))
+    assert re.search(
+        r"arm.toml.*Robotiq 2F-85 is \d+ mm deep in link 4 at most angles.*shorten", line
+    )
+
+
+@pytest.mark.parametrize(
+    ("tool", "more"),
+    [("my_hand_tcp", []), ("tool0", ["--tcp", "0.1"]), ("tool0", ["--palm", ".1", ".04", ".03"])],
+)
+def test_no_gripper_is_mounted_on_a_hand(tool, more, tmp_path, run, refused) -> None:
+    urdf, out = six_axes(tmp_path, hand="my_hand my_hand_tcp"), tmp_path / "arm.toml"
+    said = run("import-robot", urdf, "--tool", tool, *more, *OPTIONS, "--out", out)
+    assert f"includes the hand on {tool}" in said.out
+    assert "import with --tool tool0, without --tcp and --palm" in said.out
+    line = refused("plan", scene_with(tmp_path))
+    assert f"hand = '{tool}'" in line and "import the arm with --tool FLANGE" in line
+    bare = run("import-robot", urdf, "--tool", "tool0", *OPTIONS, "--force", "--out", out)
+    assert "includes the hand" not in bare.out
+    assert tp.load_scene(scene_with(tmp_path)).arm.tool.tcp == pytest.approx(0.145)
+
+
+def test_the_proposed_tool_is_no_camera_s_bracket_and_no_finger(tmp_path, refused) -> None:
+    names = ["left_finger_link", "wrist_camera_mount_link", "imu_tool"]
+    urdf, words = six_axes(tmp_path, hand=" ".join(names)), ["--out", tmp_path / "arm.toml"]
+    assert "--tool tool0 --acc" in refused("import-robot", urdf, *words, lines=3)
+    urdf.write_text(urdf.read_text().replace("tool0", "end_effector_link"))
+    said = refused("import-robot", urdf, *words, lines=3)
+    assert "--tool end_effector_link --acc" in said
+    assert re.search(r"one of end_effector_link, .*, left_finger_link, imu_tool, wrist_", said)
+
+
+def test_meshes_of_another_machine_are_found_in_their_package(tmp_path, run, monkeypatch) -> None:
+    path = "/root/ws/install/bits/share/bits/meshes/block.obj"
+    urdf = six_axes(tmp_path, mesh=f"file://{path}")
+    words = ["--tool", "tool0", *OPTIONS, "--force", "--out", tmp_path / "arm.toml"]
+    said = run("import-robot", urdf, *words).out
+    assert f"meshes not read: link_2 (tried {path})" in said
+    (tmp_path / "ros" / "bits" / "meshes").mkdir(parents=True)
+    block = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    (tmp_path / "ros" / "bits" / "meshes" / "block.obj").write_text(block)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros"))
+    found = run("import-robot", urdf, *words, "--json").json
+    assert found["unread"] == [] and found["capsules"] == 2
