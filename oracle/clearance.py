@@ -25,6 +25,8 @@ BEYOND = 0.3
 ADJACENT = 2
 #: Time [s] before the landing in which a bar may be as near to an obstacle as at the landing.
 LANDS = 0.05
+#: Share of the radius within which it may be in none as it lands.
+MIDDLE = 0.35
 #: A limit is kept if its room is above minus this.
 ROUNDING = 1e-6
 #: Error of a room, as a share of its limit.
@@ -321,7 +323,8 @@ class Around:
             kept = np.full(away.shape, solid.clearance if planned else 0.0)
             if flies:
                 moved = np.max([np.linalg.norm(np.diff(e, axis=0), axis=1) for e in axis], axis=0)
-                lands = np.minimum(kept, away[-1] - moved[-1])
+                # Its middle half may not be inside an obstacle.
+                lands = np.minimum(kept, np.maximum(away[-1], (MIDDLE - 1) * radius) - moved[-1])
                 kept = np.where(times > times[-1] - LANDS, lands, kept)
             worst = int(np.argmin(away - kept))
             yield solid.name, float(away[worst]), float(kept[worst])

@@ -86,8 +86,8 @@ def toml_tables(text: str, place: str) -> dict[str, Any]:
 def _toml_hint(text: str, reason: str) -> str:
     """What the mistake in TOML may be, in words; empty for others than these."""
     twice = re.search(r"Cannot declare \('(\w+)',\) twice", reason)
-    if twice:
-        return f": for several write [[{twice[1]}]]"
+    if twice and twice[1] == "obstacle":
+        return ": for several write [[obstacle]]"
     line = re.search(r"at line (\d+)", reason)
     comma = line and re.search(r"=\s*([-+]?\d+),(\d+)", text.splitlines()[int(line[1]) - 1])
     return f": is it {comma[1]}.{comma[2]}? TOML has decimal points" if comma else ""

@@ -330,11 +330,13 @@ class Scene(Section):
         """Sentences about the defaults of keys that the scene leaves out."""
         sections = {"object": self.object, "contact": self.contact}
         sentences = [f"[{name}] {words}" for name, s in sections.items() for words in s.assumed]
-        if self.robot is not None and self.arm is not None and not self.arm.capsules:
-            words = "its joints keep off the floor, its links off nothing"
-            sentences.append(f"[robot] arm {self.arm.name} has no [[capsules]]: {words}")
         if self.arm is not None:
-            sentences += [f"arm {self.arm.name}: {words}" for words in self.arm.notes]
+            words = [*self.arm.notes]
+            if self.robot is not None and not self.arm.capsules:
+                words += ["no [[capsules]]: its joints keep off the floor, its links off nothing"]
+            if self.robot is not None and not self.arm.links:
+                words += ["no [[links]]: torques are not checked"]
+            sentences += [f"arm {self.arm.name}: {each}" for each in words]
         cup, target = self.cup, self.target
         if cup is not None and target is not None and cup.x == target.x != target.plane_x:
             sentences.append(

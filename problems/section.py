@@ -51,7 +51,7 @@ def optional(meaning: str, **limits: Any) -> Any:
 
 
 #: Words of users for keys.
-OTHER_WORDS = {"bin": "cup", "basket": "cup", "box": "cup"}
+OTHER_WORDS = dict.fromkeys(("bin", "basket", "box", "bucket", "tray"), "cup")
 #: Default of a number for which another value is taken.
 UNSET = float("nan")
 

@@ -184,7 +184,8 @@ class CollisionScene:
     def min_clearance(self, track: SweptBodies, *, bar_only: bool = False) -> Array:
         """Least distance (N,) [m] of bodies beyond their clearances; infinite without a pair.
 
-        In the last `LANDING` of its flight the bar may be as near to an obstacle as it lands.
+        In the last `LANDING` of its flight the bar may be as near to an obstacle as it lands, its
+        middle half outside.
         bar_only: of the bar only, and without this exception.
         """
         room = np.empty(track.times.size)

@@ -268,12 +268,12 @@ class Plan:
                 f"  note: the target is below the [workspace] floor at z {floor:g} m. Arm, hand "
                 "and held bar\n        stay above it; the flying bar may hit it before the target"
             )
-        if self.throw is not None:
+        if self.throw is not None and self.solved:
             moments = {words: result["release"][key] for key, words in MOMENTS.items()}
             times = [f"{words} {t:.3f} s" for words, t in moments.items() if t is not None]
             lines.append(f"  {', '.join(times)}")
             lines.append(f"  {self.throw.deciding.grip_words}")
-        if "torque" in result:
+        if "torque" in result and self.solved:
             lines.append(f"  {_torque_words(**result['torque'])}")
         lines.append(
             f"  {solver['name']}, {solver['iterations']} iterations in {solver['attempts']} "
@@ -313,7 +313,7 @@ class Plan:
             return ""
         landing = self.throw.deciding.landing
         words = bound_words(self.scene, self.goal, landing.x, landing.theta)
-        return f"{words}; --robust auto aims inside" if words and not self.robust else words
+        return f"{words}; --robust auto tries to aim inside" if words and not self.robust else words
 
     @property
     def _load_words(self) -> str:

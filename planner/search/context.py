@@ -29,7 +29,8 @@ class SearchSettings:
     of the nearest landing may be in reach of another motion. A target is out of reach if its
     `equal_landings` nearest landings have distances within a factor of `equal_ratio`, or if there
     is a nearest landing and `vain_starts` sampled starts lead nowhere. An approach that limits hold
-    farther off than `hopeless` times the nearest landing ends.
+    farther off than `hopeless` times the nearest landing ends. dense: throws of a library whose
+    reach is known by them.
     """
 
     moves: int = 4
@@ -46,6 +47,7 @@ class SearchSettings:
     equal_landings: int = 2
     equal_ratio: float = 1.1
     hopeless: float = 3.0
+    dense: int = 1000
 
 
 SETTINGS = SearchSettings()

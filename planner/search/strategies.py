@@ -279,10 +279,12 @@ def from_nearest_samples(search: Search, history: History) -> Try | None:
 def from_library(search: Search, history: History) -> Try | None:
     """A throw of the library that lands beside the target, brought as near to it as limits let it.
 
-    Most targets that no throw of it was moved to are out of reach; this says so soonest.
+    Most targets that no throw of it was moved to are out of reach, if there are many; this says so
+    soonest.
     """
     number = sum(isinstance(one, Approach) for one in history.tries)
-    if search.blocked or history.found or search.is_settled(history):
+    is_sparse = len(search.context.library) < SETTINGS.dense
+    if is_sparse or search.blocked or history.found or search.is_settled(history):
         return None
     return next(islice(search.stored, number, None), None)
 

@@ -195,6 +195,18 @@ def test_an_obstacle_that_holds_target_or_start(pose, obstacle, words):
         tp.Planner(scene).plan(TARGET)
 
 
+@pytest.mark.parametrize(("into", "free_of"), [(0.004, True), (0.012, False), (0.05, False)])
+def test_a_bar_may_land_on_an_obstacle_but_not_inside(free, into, free_of):
+    """into [m]: how far its lower face, 10 mm from its axis, is below the obstacle's top."""
+    final = free.throw.deciding
+    bar, landing = final.scene.object, final.landing
+    ends = landing.z + np.sin(landing.theta) * np.array([-bar.com, bar.length - bar.com])
+    top = ends.min() - bar.width / 2 + into
+    table = Obstacle("table", "box", (0.3, 0.3, 0.05), (landing.x, 0.0, top - 0.025), clearance=0.0)
+    throw = dataclasses.replace(final, scene=final.scene.replace(obstacle=(table,)))
+    assert (not contacts(throw)) == free_of
+
+
 def test_a_saved_plan_keeps_its_obstacles(around, tmp_path, free_port):
     around.save(tmp_path, draw=False)
     again = tp.read_plan(tmp_path)
