@@ -68,6 +68,7 @@ FILTER := fps=10,scale=640:-1:flags=lanczos,split[a][b];[a]palettegen=max_colors
 pictures: extras
 	$(BIN)/throwplan plan cup --out out/cup
 	cp out/cup/throw.png docs/cup.png
+	cd docs && ../$(BIN)/throwplan scenes --draw drawn.toml --force
 	$(BIN)/throwplan view out/cup --mp4 out/cup/throw.mp4
 	ffmpeg -loglevel error -y -i out/cup/throw.mp4 -vf "$(FILTER)" docs/cup.gif
 

@@ -15,6 +15,7 @@ from ...problems import (
     Cost,
     InputError,
     Robust,
+    Scene,
     jobs_names,
     jobs_text,
     load_scene,
@@ -25,7 +26,7 @@ from ...problems.files import copy_out, filling, write_json
 from ..planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner
 from ..reach import MAP_FILES, MOST, check_map, reach_map
 from ..result import Plan, plan_of
-from ..show import draw_releases
+from ..show import draw_releases, draw_scene
 from ..simulation import simulate
 from ..sweep import SWEEP_FILES, check_sweep, sweep_until_stopped
 from ..throw import make_manipulator
@@ -51,6 +52,8 @@ from .common import (
     written,
 )
 
+#: Sampled throws of a drawn scene's reach.
+DRAWN = 20_000
 #: Message of `prepare` without a cache folder.
 NOT_KEPT = "not kept: there is no cache folder"
 
@@ -59,6 +62,7 @@ def scenes_arguments(add: Add) -> None:
     """The options of `scenes`."""
     words = "copy the file of a scene, or of jobs, to NAME.toml in this folder"
     add("--write", metavar="NAME", help=words)
+    add("--draw", metavar="SCENE", help="draw a scene and what its numbers mean: NAME.png")
     add("--force", action="store_true", help="overwrite an existing file")
     add("--reference", action="store_true", help="print all keys of a scene file as Markdown")
 
@@ -68,9 +72,12 @@ def scenes(options: argparse.Namespace) -> int:
 
     example: throwplan scenes --write cup
     """
-    if options.reference and options.write is not None:
-        raise InputError("--write and --reference: give one of them")
-    if options.reference:
+    if options.reference + (options.write is not None) + (options.draw is not None) > 1:
+        raise InputError("--write, --draw and --reference: give one of them")
+    if options.draw is not None:
+        path = _draw(load_scene(options.draw), force=options.force)
+        print_result(options, {"file": str(path)}, f"wrote {path}")
+    elif options.reference:
         # Made by examples/scene_reference.py: all keys of scene and arm files.
         text = (files("throwplan") / "docs/scene-reference.md").read_text(encoding="utf-8")
         print(json.dumps({"reference": text}) if options.json else text, end="")
@@ -92,6 +99,21 @@ def scenes(options: argparse.Namespace) -> int:
         lines += [f"{name:12} {description}" for name, description in jobs.items()]
         print_result(options, {"scenes": found, "jobs": jobs}, "\n".join(lines))
     return DONE
+
+
+def _draw(scene: Scene, *, force: bool) -> Path:
+    """Draw a scene as a PNG file in this folder; returns its path."""
+    path = Path(f"{scene.name}.png")
+    if scene.motion is not None:
+        raise InputError(f"{scene.place}: --draw: only a scene with [hand] or [robot]")
+    if path.exists() and not force:
+        raise InputError(f"{path}: exists already, not overwritten; --force does it")
+    with Progress(f"{scene.name}: sampling throws"):
+        found = reach_map(scene, samples=DRAWN).x
+    reach = (float(found.min()), float(found.max())) if found.size else None
+    with filling(Path.cwd(), (path.name,)) as scratch:
+        draw_scene(scene, make_manipulator(scene), reach, scratch / path.name)
+    return path
 
 
 def plan_arguments(add: Add) -> None:

@@ -84,7 +84,10 @@ class PlayPage:
     def __init__(self, server: Any, planner: Planner, plan: Plan) -> None:
         self._planner, self._scene, self._base = planner, planner.scene, planner.check()
         self.plan, self._lock, self._button = plan, threading.RLock(), threading.Lock()
-        self.strip = server.gui.add_markdown(plan_words(plan))
+        words = plan_words(plan)
+        if plan.target != self._base:
+            words = f"**the scene's target is out of reach**; shown is the nearest throw: {words}"
+        self.strip = server.gui.add_markdown(words)
         self._add_controls(server)
         self._add_buttons(server.gui)
         self.panel = Panel(server, space_throw(throw_of(plan)))

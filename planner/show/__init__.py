@@ -3,6 +3,7 @@
 from .cycle_view import SpaceCycle
 from .drawings import draw_bars, draw_cup, draw_flight
 from .release_pictures import draw_releases
+from .scene_picture import draw_scene
 from .server import Panel, empty_page, open_browser, run_panel, serving
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, new_figure, save
 from .tables import Row, Table, number, shown

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -73,13 +74,14 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
         label = f"load while the pads may open,\nat most {100 * use.max():.1f} %"
         plots[-1].plot(times, use, color=GREEN, lw=2, label=label)
         plots[-1].legend(fontsize=8)
-    _lay_out(figure)
+    lay_out(figure)
+    name_obstacles(stage, scene, throw.target)
     if path is not None:
         save(figure, path)
     return figure
 
 
-def _lay_out(figure: Figure) -> None:
+def lay_out(figure: Figure) -> None:
     """Compute the layout once; then the limits of equal axes, which its passes widen.
 
     Their tick labels may be a digit longer then: there is room at the sides.
@@ -90,6 +92,27 @@ def _lay_out(figure: Figure) -> None:
     figure.set_layout_engine("none")
     for axes in figure.axes:
         axes.autoscale_view()
+
+
+def name_obstacles(stage: Axes, scene: Scene, target: Pose) -> None:
+    """The obstacles' names where they are seen, once the limits of the axes are known."""
+    (x_low, x_high), (z_low, z_high) = stage.get_xlim(), stage.get_ylim()
+    ends, step = np.array([[x_low, z_low], [x_high, z_high]]), 0.03 * (z_high - z_low)
+    taken = list[tuple[float, float]]()
+    for obstacle, (outline, _) in zip(scene.obstacle, _outlines(scene, target), strict=True):
+        low, high = np.clip([outline.min(axis=0), outline.max(axis=0)], *ends)
+        if (high <= low).any():
+            continue
+        (x, z), (wide, tall) = (low + high) / 2, high - low
+        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7}
+        # One below the other, where they stand one behind the other.
+        while any(abs(x - a) < 4 * step and abs(z - b) < step for a, b in taken):
+            z -= step
+        taken.append((x, z))
+        words = textwrap.shorten(obstacle.name, 30, placeholder="...")
+        stage.text(
+            x, z, words, rotation=90 if tall > wide else 0, color="#7a5c4a", clip_on=True, **look
+        )
 
 
 def _flight_words(throw: Throw) -> str:
@@ -122,14 +145,13 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
         radius, height = column
         sides, ends = [-radius, radius, radius, -radius], [0.0, 0.0, height, height]
         stage.fill(sides, ends, color="#e4e1dc", zorder=0, label="base column")
-    cut, beside = _obstacles(scene, target)
     filled: dict[str, Any] = {"color": OBSTACLE, "alpha": 0.6, "label": "obstacle"}
     pale: dict[str, Any] = {"fill": False, "ec": OBSTACLE, "ls": "--"}
     pale["label"] = "obstacle beside the plane"
-    for outlines, look in ((cut, filled), (beside, pale)):
-        for outline in outlines:
-            stage.fill(*outline.T, zorder=0, **look)
-            look["label"] = None
+    for outline, is_cut in _outlines(scene, target):
+        look = filled if is_cut else pale
+        stage.fill(*outline.T, zorder=0, **look)
+        look["label"] = None
     x, (half, turn) = target.plane_x, target.half_widths
     if target.theta is not None:
         ghost: dict[str, Any] = {"fill": False, "ls": "--", "color": "k", "zorder": 7}
@@ -142,21 +164,19 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     stage.plot([x - half, x + half], [target.z] * 2, mark, ms=11, zorder=8, label="target")
 
 
-def _obstacles(scene: Scene, target: Pose) -> tuple[list[Array], list[Array]]:
-    """Outlines (N, 2) [m] in the plane of a throw to the target: sections of the obstacles that
-    the plane cuts, and the others as seen from its right."""
-    aimed = scene.aimed_at(target).target
-    assert aimed is not None
-    solids = [aimed.plane.seen(obstacle.solid) for obstacle in scene.obstacle]
-    sections = [(solid, solid.section()) for solid in solids]
-    cut = [section for _, section in sections if section is not None]
-    return cut, [solid.outline() for solid, section in sections if section is None]
+def _outlines(scene: Scene, target: Pose) -> list[tuple[Array, bool]]:
+    """Of each obstacle the outline (N, 2) [m] in the plane of a throw to the target, and whether
+    the plane cuts it: its section, or what is seen of it from the plane's right."""
+    plane = scene.aimed_at(target).aim.plane
+    solids = [plane.seen(obstacle.solid) for obstacle in scene.obstacle]
+    each = ((solid, solid.section()) for solid in solids)
+    return [(solid.outline(), False) if cut is None else (cut, True) for solid, cut in each]
 
 
 def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None:
     """Equal axes around the moving bodies and fixed ones up to 0.4 m away; the legend below."""
     low, high = line.extent(scene)
-    outlines = sum(_obstacles(scene, target), list[Array]())
+    outlines = [outline for outline, _ in _outlines(scene, target)]
     if scene.cup is not None:
         outlines.append(cup_profile(scene.cup))
     if (column := column_of(scene)) is not None:
@@ -351,7 +371,8 @@ def _frames(throw: Throw, line: Timeline, indices: Indices) -> Iterator[Pixels]:
         label.set_text(frame_words(line, i))
 
     show(0)
-    _lay_out(figure)
+    lay_out(figure)
+    name_obstacles(stage, scene, throw.target)
     children = sorted(stage.get_children(), key=lambda artist: artist.get_zorder())
     # Grid, floor and fixed bodies are behind; the trail is the first that moves.
     front = [artist for artist in children if artist.get_zorder() >= trail.get_zorder()]

@@ -12,7 +12,7 @@ from ...models import Array, HandMotion, Indices, pivot_wrench
 from ...models.robot import PlanarArm
 from ..clearance import bar_outline, held_bar
 from ..rest import rest_motion
-from ..throw import TICK
+from ..throw import TICK, Manipulator
 from .style import PHASES
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def timeline(throw: Throw) -> Timeline:
         force_use=force_use,
         torque_use=torque_use,
         phase=phase,
-        arm=_arm_points(throw, times),
+        arm=arm_points(throw.manipulator, throw.path.at(times).pose),
         marks=marks,
         end="" if after is None else after.words,
     )
@@ -125,14 +125,14 @@ def _object(throw: Throw, times: Array, hand: Array, twist: Array) -> tuple[Arra
     return com, rate, phase
 
 
-def _arm_points(throw: Throw, times: Array) -> Array | None:
-    """Base, joints and TCP (N, 2, points) in the throw's plane, None for a hand."""
-    kinematics = throw.manipulator.kinematics
+def arm_points(manipulator: Manipulator, q: Array) -> Array | None:
+    """Base, joints and TCP (N, 2, points) in the throw's plane at coordinates q (n, N), None for a
+    hand."""
+    kinematics = manipulator.kinematics
     if not isinstance(kinematics, PlanarArm):
         return None
-    q = ca.SX.sym("q", throw.manipulator.size)
-    points = ca.horzcat(ca.DM.zeros(2, 1), kinematics.points(q))
-    values = np.array(
-        ca.Function("points", [q], [points]).map(len(times))(throw.path.at(times).pose)
-    )
-    return values.reshape(2, len(times), -1).transpose(1, 0, 2)
+    angles = ca.SX.sym("q", manipulator.size)
+    points = ca.horzcat(ca.DM.zeros(2, 1), kinematics.points(angles))
+    count = q.shape[1]
+    values = np.array(ca.Function("points", [angles], [points]).map(count)(q))
+    return values.reshape(2, count, -1).transpose(1, 0, 2)

@@ -275,6 +275,8 @@ class View(ObjectView):
                 mesh = capsule(2 * solid.half[2], solid.radius, transform=pose)
             name, colour = f"/obstacle{number}", rgb("#d9b8a6")
             self.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=colour, opacity=0.8)
+            top = (*solid.centre[:2], float(mesh.vertices[:, 2].max()))
+            self.scene.add_label(f"{name}/text", obstacle.name, anchor="center-left", position=top)
 
     def _draw_floor(self) -> None:
         """The floor: the scene's, or below all that is shown, where an arm may stand on it."""

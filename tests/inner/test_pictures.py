@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import pathlib
 import subprocess
 import sys
 
@@ -17,7 +18,16 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.text import Text
 from PIL import Image, ImageSequence
-from throwplan.planner.show import GREEN, GREY, RED, draw_releases, draw_throw, draw_throw_moving
+from throwplan.planner.show import (
+    GREEN,
+    GREY,
+    RED,
+    draw_releases,
+    draw_scene,
+    draw_throw,
+    draw_throw_moving,
+)
+from throwplan.planner.throw import make_manipulator
 from throwplan.problems import Motion, Obstacle, OutlinePart
 
 
@@ -210,6 +220,23 @@ def area(corners: np.ndarray) -> float:
     """Area [m²] of a polygon (N, 2)."""
     x, z = corners.T
     return abs(float(x @ np.roll(z, -1) - np.roll(x, -1) @ z)) / 2
+
+
+def test_a_drawn_scene_says_what_its_numbers_mean() -> None:
+    scene = tp.load_scene(str(pathlib.Path(__file__).parents[2] / "docs/drawn.toml"))
+    figure = draw_scene(scene, make_manipulator(scene), (-1.0, 1.1), None)
+    assert not cut_texts(figure)
+    shown = {text.get_text().strip() for text in shown_texts(figure)}
+    assert {"post", "com 0.1", "offset 0.03", "rim 0.1", "radius 0.06", "depth 0.15"} <= shown
+    assert {"insertion 0.08", "target z 0.22", "delay 0.02", "dwell 0.05"} <= shown
+    assert {"opening 0.05", "x 0.8", "y 0.4"} <= shown
+
+
+def test_an_obstacle_is_named_where_it_is_drawn(saved) -> None:
+    throw = tp.read_plan(saved("pose"))
+    scene = throw.scene.replace(obstacle=obstacles())
+    figure = draw_throw(dataclasses.replace(throw, scene=scene), None)
+    assert {"wall", "post"} <= {text.get_text() for text in shown_texts(figure)}
 
 
 def test_an_obstacle_is_drawn_as_the_plane_cuts_it(saved) -> None:

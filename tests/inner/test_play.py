@@ -52,6 +52,16 @@ def page(served: Any):
     return found, address
 
 
+def test_a_target_out_of_reach_is_said_at_the_start(free_port) -> None:
+    scene = tp.load_scene("hand-flip")
+    planner = tp.Planner(scene.aimed_at(scene.target.in_plane(5.0, scene.target.theta)))
+    with empty_page("hand-flip", free_port()) as (_, server):
+        found = PlayPage(server, planner, first_plan(planner))
+        assert found.strip.content.startswith("**the scene's target is out of reach**; shown is")
+        assert found.plan.solved and found.plan.target.x < 5.0 == found.place[0].value
+        found.end()
+
+
 def test_the_throw_follows_the_target(page: Any) -> None:
     found, _ = page
     assert found.strip.content.startswith("**solved**")

@@ -15,6 +15,7 @@ from builders import varied
 from hostile import toml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 from throwplan.problems import jobs_names, load_jobs
 
 #: Only what has no default: a hand that throws.
@@ -167,6 +168,22 @@ def test_replace_checks_again(changes, words) -> None:
         tp.load_scene("near-cup").replace(**changes)
     for word in words:
         assert word in str(caught.value)
+
+
+def test_a_scene_is_drawn_before_any_plan(run, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = run("scenes --draw near-cup --json")
+    with Image.open(tmp_path / said.json["file"]) as picture:
+        assert picture.format == "PNG" and picture.width > picture.height > 700
+    assert "exists already" in run("scenes --draw near-cup").err
+    for words in (
+        "scenes --draw drop",
+        "scenes --draw near-cap",
+        "scenes --draw pose --write pose",
+    ):
+        said = run(words)
+        assert said.status == 2 and said.err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["near-cup.png"]
 
 
 def test_another_arm_or_gripper_is_loaded() -> None:
