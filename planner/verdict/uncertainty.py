@@ -190,7 +190,8 @@ def _reserves(throw: Throw, target: Pose, robust: bool) -> Iterator[Finding]:
     for code in RESERVED:
         share = float(np.mean(judged.breaks(code)))
         if share > 0.0:
-            note = f"under [uncertainty] {100 * share:.0f} % of the throws {code.fate}"
+            few = f"{100 * share:.0f} %" if share >= 0.005 else "less than 1 %"
+            note = f"under [uncertainty] {few} of the throws {code.fate}"
             if code is Code.SLIP_BEFORE_OPENING:
                 use = 100 * throw.measured.grip.value
                 note += f"; the plan uses {use:.0f} % of the friction limit"

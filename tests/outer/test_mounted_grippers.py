@@ -55,6 +55,7 @@ def scene_with(folder: Path) -> Path:
     return folder / "scene.toml"
 
 
+@pytest.mark.slow
 def test_a_gripper_that_meets_every_wrist_angle_by_round_ends_throws(tmp_path, run) -> None:
     """The capsule around a box ends rounder than the box, and reaches the gripper's housing."""
     words = ["--tool", "tool0", *OPTIONS, "--out", tmp_path / "arm.toml"]
