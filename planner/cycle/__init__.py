@@ -1,10 +1,11 @@
 """Many picks and bins as one motion in the least time: throws, their order, what joins them; joints
 of hand poses."""
 
+from .connections import lifted_pose
 from .cycle import Cycle, CycleStep, UnsolvedError
 from .files import CYCLE_FILES, gripper_commands, is_cycle, read_cycle, save_cycle
 from .inverse_kinematics import HandPose, inverse_kinematics
 from .placing import Placing, place_jobs
 from .planning import plan_cycle
 from .slowing import slowed_transfer
-from .waiting import in_scene
+from .waiting import WAITS, in_scene

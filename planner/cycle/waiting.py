@@ -17,6 +17,8 @@ from ..clearance import SpatialScene, bar_radii, contacts
 from ..throw import Samples, Throw, make_manipulator
 from ..verdict import obstacles_hit
 
+#: What follows an object's name in that of its obstacle.
+WAITS = " at its pick"
 #: Length [m] of a capsule that is a ball.
 BALL = 1e-9
 
@@ -30,7 +32,7 @@ def waiting_object(space: SpatialScene, joints: Array, name: str) -> tuple[Obsta
         way = end - begin
         found.append(
             Obstacle(
-                name=f"{name} at its pick",
+                name=name + WAITS,
                 kind="capsule",
                 size=(radius, max(float(np.linalg.norm(way)), BALL)),
                 position=tuple(((begin + end) / 2).tolist()),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import gc
+import itertools
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from ...models import Array, Trajectory
 from ...models.robot import Arm
 from ...problems import InputError
 from ..clearance import BAR
+from ..cycle import WAITS, in_scene, lifted_pose
 from ..throw import TICK, Samples, joint_limits, within_limits
 from ..verdict import Code, Finding, collision
 from .expectations import Expectations, swept_bodies
@@ -28,6 +31,8 @@ GRIPPER_ENDS = 10.0
 #: Speed [m/s] of the fastest end of the capsules of arm, hand and held bar in a rehearsal: reduced
 #: speed, ISO 10218-1.
 REHEARSAL_SPEED = 0.25
+#: Height [m] above the start pose from which the arm may come to it.
+ABOVE = 0.3
 
 
 def throws(
@@ -265,8 +270,9 @@ def approach(motion: JointMotion, start: Array) -> Array:
     """All joints (N, joints) [rad] every millisecond, slowly from rest at `start` to the motion's.
 
     Straight, or else by a raised pose: the shoulder in the middle of its range, other joints as in
-    the start pose. InputError if neither keeps the arm's limits, or if arm or held bar would come
-    too close to the floor, an obstacle, or each other.
+    the start pose; or from straight above the start pose, or from above where the hand is, over
+    what stands around it. InputError if a way breaks the arm's limits, or if on all arm or held bar
+    would come too close to the floor, an obstacle, or each other.
     """
     arm, goal = motion.arm, motion.q[0]
     raised, shoulder = goal.copy(), arm.throwing_joints[0] - 1
@@ -275,12 +281,17 @@ def approach(motion: JointMotion, start: Array) -> Array:
     collision_words = _collision(motion, straight)
     if not collision_words:
         return straight
-    way = np.vstack([_straight(arm, start, raised), _straight(arm, raised, goal)[1:]])
-    if _collision(motion, way):
-        raise InputError(
-            f"the way to the start pose is not clear: {collision_words}: guide the arm nearer to it"
-        )
-    return way
+    lift = partial(lifted_pose, motion.carries[0].space, height=ABOVE)
+    beside = _without_near(motion, start)
+    ways = (motion, raised), (motion, lift(goal).q), (beside, lift(start).q, lift(goal).q)
+    for among, *way in ways:
+        parts = [_straight(arm, *ends) for ends in itertools.pairwise((start, *way, goal))]
+        rows = np.vstack([parts[0], *(part[1:] for part in parts[1:])])
+        if not _collision(among, rows):
+            return rows
+    raise InputError(
+        f"the way to the start pose is not clear: {collision_words}: guide the arm nearer to it"
+    )
 
 
 def _straight(arm: Arm, start: Array, goal: Array) -> Array:
@@ -307,6 +318,21 @@ def _straight(arm: Arm, start: Array, goal: Array) -> Array:
         ):
             return states[:, 0]
     raise InputError("the way to the start pose breaks a limit: guide the arm nearer to it")
+
+
+def _without_near(motion: JointMotion, start: Array) -> JointMotion:
+    """The motion without the waiting objects that the hand already stands too near to: it leaves
+    them straight upwards."""
+    carry, throw = motion.carries[0], motion.throw
+    if throw.manipulator.capsules is None:
+        return motion
+    track = swept_bodies(carry, np.array([start, start]), np.array([0.0, TICK]), held=False)
+    near = {found.thing.name for found in carry.space.around.clearances(track) if found.thing}
+    left = tuple(
+        o for o in throw.scene.obstacle if o.name not in near or not o.name.endswith(WAITS)
+    )
+    alone = dataclasses.replace(carry, throw=in_scene(throw, throw.scene.replace(obstacle=left)))
+    return dataclasses.replace(motion, carries=(alone, *motion.carries[1:]))
 
 
 def _collision(motion: JointMotion, q: Array) -> str:
