@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import io
 import os
 import signal
 import sys
@@ -39,6 +40,7 @@ class Interrupts:
         self.working = False
         self._received, self._pending, self._accepted = 0.0, False, False
         self._program, self._printed = "throwplan", False
+        self._stderr = sys.stderr
 
     def listen(self, program: str) -> None:
         """Handle the signals of this process; messages begin with the program's name."""
@@ -61,6 +63,8 @@ class Interrupts:
             os._exit(self.end())
         if not self._received:
             self._received, self._pending = now, True
+            # A solver that ends by this writes so.
+            self._stderr, sys.stderr = sys.stderr, io.StringIO()
             raise KeyboardInterrupt
 
     def check(self) -> None:
@@ -75,6 +79,7 @@ class Interrupts:
     def accept(self) -> None:
         """`check` raises no more: the caller has caught KeyboardInterrupt and goes on."""
         self._pending, self._accepted = False, True
+        sys.stderr = self._stderr
 
     def is_cause(self, error: BaseException) -> bool:
         """Whether a signal caused the error; C code replaces KeyboardInterrupt by its own error."""
