@@ -16,6 +16,7 @@ import threading
 import time
 from collections.abc import Callable
 from types import FrameType
+from typing import Any
 
 #: Signals that end a process.
 ENDING = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in dir(signal)}
@@ -44,7 +45,7 @@ class Interrupts:
 
     def listen(self, program: str) -> None:
         """Handle the signals of this process; messages begin with the program's name."""
-        self._program = program
+        self._program, self._stderr = program, sys.stderr
         for kind in ENDING:
             # A signal that the shell ignores, as under nohup, stays ignored.
             if signal.getsignal(kind) is not signal.SIG_IGN:
@@ -52,6 +53,12 @@ class Interrupts:
         # After a signal, what other threads and destructors raise follows from it.
         sys.unraisablehook = self._unless_received(sys.__unraisablehook__)
         threading.excepthook = self._unless_received(threading.__excepthook__)
+        sys.excepthook = self._uncaught
+
+    def _uncaught(self, kind: type[BaseException], error: BaseException, where: Any) -> None:
+        """Show an exception that nobody caught."""
+        sys.stderr = self._stderr
+        sys.__excepthook__(kind, error, where)
 
     def _unless_received(self, hook: Callable[..., object]) -> Callable[..., object]:
         return lambda error: None if self._received else hook(error)
