@@ -41,11 +41,12 @@ class Interrupts:
         self.working = False
         self._received, self._pending, self._accepted = 0.0, False, False
         self._program, self._printed = "throwplan", False
-        self._stderr = sys.stderr
+        #: Standard error while nothing is written to it.
+        self._stderr: Any = None
 
     def listen(self, program: str) -> None:
         """Handle the signals of this process; messages begin with the program's name."""
-        self._program, self._stderr = program, sys.stderr
+        self._program = program
         for kind in ENDING:
             # A signal that the shell ignores, as under nohup, stays ignored.
             if signal.getsignal(kind) is not signal.SIG_IGN:
@@ -57,8 +58,13 @@ class Interrupts:
 
     def _uncaught(self, kind: type[BaseException], error: BaseException, where: Any) -> None:
         """Show an exception that nobody caught."""
-        sys.stderr = self._stderr
+        self._restore()
         sys.__excepthook__(kind, error, where)
+
+    def _restore(self) -> None:
+        """Write to standard error again."""
+        if self._stderr is not None:
+            sys.stderr, self._stderr = self._stderr, None
 
     def _unless_received(self, hook: Callable[..., object]) -> Callable[..., object]:
         return lambda error: None if self._received else hook(error)
@@ -86,7 +92,7 @@ class Interrupts:
     def accept(self) -> None:
         """`check` raises no more: the caller has caught KeyboardInterrupt and goes on."""
         self._pending, self._accepted = False, True
-        sys.stderr = self._stderr
+        self._restore()
 
     def is_cause(self, error: BaseException) -> bool:
         """Whether a signal caused the error; C code replaces KeyboardInterrupt by its own error."""

@@ -233,10 +233,6 @@ static double step_of(const segment *a, const segment *b)
     return sqrt(fmax(dot(d, d), dot(e, e)));
 }
 
-/* Share of a bar's radius within which it may not be in a solid as it lands: the middle half of its
-   width, as the capsule around it is wider by the square root of 2. */
-#define MIDDLE 0.35
-
 /* What may come too near: a body to a solid, or (NULL) to another body. lands [m]: as near to the
    solid a bar that flies may come in the end, infinite for others. */
 typedef struct {
@@ -318,7 +314,7 @@ static double missing(const throw *t, const bodies *all, const track *on, int64_
     pair p = {t, all, on, body, other, from, needed, INFINITY, -INFINITY, 0.0};
     double near = distance_at(&p, 0, &one, &two), far = distance_at(&p, on->n - 1, &one, &two);
     if (from && on->flying && body >= all->links)
-        p.lands = fmax(far, MIDDLE * all->radius[body]);
+        p.lands = fmax(far, all->middle * all->radius[body]);
     look_between(&p, 0, near, on->n - 1, far);
     *when = p.when;
     return p.worst;
@@ -533,7 +529,7 @@ CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flyi
                 continue;
             pair p = {NULL, all, &on, b, 0, from, all->reach[b] + from->clearance, INFINITY, 0.0, 0.0};
             if (flying && !alone && b >= all->links && n)
-                p.lands = fmax(distance_at(&p, n - 1, &one, NULL), MIDDLE * all->radius[b]);
+                p.lands = fmax(distance_at(&p, n - 1, &one, NULL), all->middle * all->radius[b]);
             room_of(&p, room);
         }
     const int64_t *meet = all->meet;

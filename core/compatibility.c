@@ -78,7 +78,7 @@ static const place PLACES[] = {
     FIELD(bodies, outline),
     FIELD(bodies, solids), FIELD(bodies, around), FIELD(bodies, pairs), FIELD(bodies, meet),
     FIELD(bodies, behind), FIELD(bodies, ahead), FIELD(bodies, com_offset),
-    FIELD(bodies, grasp_angle), FIELD(bodies, landing),
+    FIELD(bodies, grasp_angle), FIELD(bodies, landing), FIELD(bodies, middle),
     STRUCTURE(contact), FIELD(contact, track), FIELD(contact, body), FIELD(contact, other),
     FIELD(contact, missing), FIELD(contact, time),
 };

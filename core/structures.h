@@ -217,8 +217,8 @@ typedef struct {
 } solid;
 
 /* Arm and object as capsules; the `bar` capsules of the object come after the links. behind, ahead [m]: a
-   bar's ends from its CoM; com_offset [m], grasp_angle [rad]: of the held bar; landing [s]: before its end the bar may come as near
-   to a solid as it lands. */
+   bar's ends from its CoM; com_offset [m], grasp_angle [rad]: of the held bar; landing [s]: before
+   its end the bar may come as near to a solid as it lands, but not within the share `middle` of its radius. */
 typedef struct {
     int64_t links, bar;
     const int64_t *moved_by; /* [links] the joint that moves it, -1 for none */
@@ -231,7 +231,7 @@ typedef struct {
     const solid *around; /* [solids] */
     int64_t pairs;
     const int64_t *meet; /* [pairs][2] bodies that may meet each other */
-    double behind, ahead, com_offset, grasp_angle, landing;
+    double behind, ahead, com_offset, grasp_angle, landing, middle;
 } bodies;
 
 /* One thing too near: track, body, the solid or (negative, less 1) the link, missing [m], time [s]. */

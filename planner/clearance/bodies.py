@@ -18,6 +18,9 @@ from .outlines import bar_ends, held_bar
 
 #: Time [s] before the landing in which the bar may be as near to an obstacle as at the landing.
 LANDING = 0.05
+#: Share of the bar's radius within which it may not be inside an obstacle as it lands: the middle
+#: half of its width, as the capsule around it is wider by the square root of 2.
+MIDDLE = 0.35
 #: Name of the bar, among those of links.
 BAR = "bar"
 #: Number of values of a contact in the compiled core.
@@ -248,6 +251,7 @@ def _shape(capsules: ArmCapsules | None, bar: ThrownObject) -> BodiesC:
         radius[:links], cover[:links] = capsules.radius, capsules.arm.arm.cover
         pairs = np.array(_pairs_of(capsules, len(parts)), np.int64).reshape(-1, 2)
     found = BodiesC(links=links, bar=len(parts), pairs=len(pairs), landing=LANDING)
+    found.middle = MIDDLE
     found.behind, found.ahead = bar.com, bar.length - bar.com
     body = {"moved_by": moved_by, "moves": moves, "meet": pairs, "places": places}
     found.attach(**body, radius=radius, reach=radius + cover)
@@ -302,8 +306,7 @@ def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
     target, bar = scene.aim, scene.object
     around = CollisionScene.of(scene, manipulator)
     x, theta = target.grid(9)
-    # A bar is judged by its middle half.
-    radii = [part.radius / 2 for part in bar.outline] or [bar.width / 4]
+    radii = [MIDDLE * radius for radius in bar_radii(bar)]
     places = np.moveaxis(bar_ends(bar, np.array([x, np.full(x.size, target.z), theta])), -1, 0)
     if target.theta is None:
         places[:] = np.array([x, 0.0 * x, np.full(x.size, target.z)]).T[:, None, None]

@@ -8,4 +8,4 @@ from .inverse_kinematics import HandPose, inverse_kinematics
 from .placing import Placing, place_jobs
 from .planning import plan_cycle
 from .slowing import slowed_transfer
-from .waiting import WAITS, in_scene
+from .waiting import WAITS

@@ -27,7 +27,7 @@ from ..verdict import (
     verdict,
     warnings,
 )
-from .waiting import among, in_scene, waiting_object
+from .waiting import among, waiting_object
 
 #: What is known of the order of picks, in words.
 ORDERS = {
@@ -164,11 +164,7 @@ class Cycle(ReadOnly):
         return tuple(f"{', '.join(names)}: {words}" for words, names in found.items())
 
     @check_arguments
-    def among_waiting(self, number: int) -> Scene:
-        """The scene of a step with the objects of all later ones at their picks, as obstacles."""
-        return among(self.steps[number].space, self._waiting(number + 1)).scene
-
-    def _waiting(self, number: int) -> tuple[Obstacle, ...]:
+    def waiting(self, number: int) -> tuple[Obstacle, ...]:
         """The objects of a step and of all later ones at their picks, as obstacles."""
         found = (
             waiting_object(step.space, self.samples.q[step.held], step.pick)
@@ -185,14 +181,14 @@ class Cycle(ReadOnly):
         empty_from, last = 0, len(self.samples.q) - 1
         for number, (step, throw) in enumerate(zip(self.steps, self.throws, strict=True)):
             # The hand may touch the object that it comes for, and later ones wait.
-            space = among(step.space, self._waiting(number + 1))
+            space = among(step.space, self.waiting(number + 1))
             # With an empty hand until the object is held, with the object until the pads open.
             opens = math.floor(step.opening_time / TICK)
             for begin, end, held in ((empty_from, step.held, False), (step.held, opens, True)):
                 found = motion_verdict(space, self._part(begin, end), held=held)
                 yield from _later(found.findings, begin)
             empty_from = math.ceil(step.detach_time / TICK)
-            yield from _later(verdict(in_scene(throw, space.scene)).findings, step.join)
+            yield from _later(verdict(throw.among(space.scene.obstacle)).findings, step.join)
             flown = flight_findings(
                 step.space, throw, self._part(step.free, last), TICK * (step.free - step.join)
             )

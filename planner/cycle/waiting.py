@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Collection, Sequence
@@ -12,7 +11,7 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import segment_distance
-from ...problems import InputError, Jobs, Obstacle, Scene
+from ...problems import InputError, Jobs, Obstacle
 from ..clearance import SpatialScene, bar_radii, contacts
 from ..throw import Samples, Throw, make_manipulator
 from ..verdict import obstacles_hit
@@ -49,13 +48,6 @@ def among(space: SpatialScene, obstacles: Sequence[Obstacle]) -> SpatialScene:
         return space
     scene = space.scene.replace(obstacle=(*space.scene.obstacle, *obstacles))
     return SpatialScene(scene, space.manipulator)
-
-
-def in_scene(throw: Throw, scene: Scene) -> Throw:
-    """A throw in a scene with other obstacles."""
-    if scene is throw.scene:
-        return throw
-    return dataclasses.replace(throw, scene=scene, known_release=throw.release)
 
 
 class WaitingObjects:
@@ -101,8 +93,7 @@ class WaitingObjects:
     def hit_by_throw(self, throw: Throw, pick: int) -> int:
         """The picks whose objects a throw of one comes too near to: the arm, and the object in the
         hand and in flight."""
-        scene = throw.scene.replace(obstacle=self._besides(pick))
-        things = (pair.thing for pair in contacts(in_scene(throw, scene)))
+        things = (pair.thing for pair in contacts(throw.among(self._besides(pick))))
         return self._picks({thing.name for thing in things if thing is not None and thing.bar})
 
     def _picks(self, names: Collection[str]) -> int:

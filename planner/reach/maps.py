@@ -235,7 +235,7 @@ def _title(found: ReachMap) -> str:
 
 
 def _draw_plane(found: ReachMap, theta: Array, path: Path) -> None:
-    """The best margin per bin, contours of the number of throws, and the target."""
+    """The best free share per bin, contours of the number of throws, and the target."""
     from matplotlib.ticker import MultipleLocator
 
     figure = new_figure(9.5, 6.6, _title(found))
@@ -244,7 +244,9 @@ def _draw_plane(found: ReachMap, theta: Array, path: Path) -> None:
     top = max(float(np.nanmax(margin)), 5.0)
     colours: dict[str, Any] = {"cmap": "viridis", "vmin": 0.0, "vmax": top, "zorder": 1}
     mesh = axes.pcolormesh(found.x_edges, theta, margin, rasterized=True, **colours)
-    figure.colorbar(mesh, ax=axes, pad=0.015, aspect=32, label="best margin to the limits [%]")
+    figure.colorbar(
+        mesh, ax=axes, pad=0.015, aspect=32, label="share of every limit that is free, at best [%]"
+    )
     _contours(axes, found, theta)
     _mark_library(axes, found)
     _mark_target(axes, found, theta)
@@ -320,7 +322,12 @@ def _draw_line(found: ReachMap, path: Path) -> None:
     words = "target" if target.z == found.z else f"target's x (it is at z = {target.z:g} m)"
     above, below = figure.subplots(2, 1, sharex=True)
     for axes, label, values, colour in (
-        (above, "best margin to the limits [%]", 100 * np.nan_to_num(found.margin[:, 0]), TEAL),
+        (
+            above,
+            "share of every limit that is free, at best [%]",
+            100 * np.nan_to_num(found.margin[:, 0]),
+            TEAL,
+        ),
         (below, "different throws in a bin", found.solutions[:, 0].astype(float), BLUE),
     ):
         axes.stairs(values, found.x_edges, fill=True, color=colour, alpha=0.75, lw=0)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import gc
 import itertools
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from ...models import Array, Trajectory
 from ...models.robot import Arm
 from ...problems import InputError
 from ..clearance import BAR
-from ..cycle import WAITS, in_scene, lifted_pose
+from ..cycle import WAITS, lifted_pose
 from ..throw import TICK, Samples, joint_limits, within_limits
 from ..verdict import Code, Finding, collision
 from .expectations import Expectations, swept_bodies
@@ -271,7 +271,7 @@ def approach(motion: JointMotion, start: Array) -> Array:
 
     Straight, or else by a raised pose: the shoulder in the middle of its range, other joints as in
     the start pose; or from straight above the start pose, or from above where the hand is, over
-    what stands around it. InputError if a way breaks the arm's limits, or if on all arm or held bar
+    what stands around it. InputError if on all of them the arm breaks a limit, or arm or held bar
     would come too close to the floor, an obstacle, or each other.
     """
     arm, goal = motion.arm, motion.q[0]
@@ -281,14 +281,17 @@ def approach(motion: JointMotion, start: Array) -> Array:
     collision_words = _collision(motion, straight)
     if not collision_words:
         return straight
-    lift = partial(lifted_pose, motion.carries[0].space, height=ABOVE)
-    beside = _without_near(motion, start)
-    ways = (motion, raised), (motion, lift(goal).q), (beside, lift(start).q, lift(goal).q)
-    for among, *way in ways:
-        parts = [_straight(arm, *ends) for ends in itertools.pairwise((start, *way, goal))]
-        rows = np.vstack([parts[0], *(part[1:] for part in parts[1:])])
-        if not _collision(among, rows):
-            return rows
+    above, over = (lifted_pose(motion.carries[0].space, q, ABOVE).q for q in (start, goal))
+    apart = _without_near(motion, start)
+    for rising, *way in (motion, raised), (motion, over), (apart, above, over):
+        # A way beyond the arm's limits is none.
+        with contextlib.suppress(InputError):
+            first, *rest = (
+                _straight(arm, *ends) for ends in itertools.pairwise((start, *way, goal))
+            )
+            later = np.vstack([first[-1:], *(part[1:] for part in rest)])
+            if not (_collision(rising, first) or _collision(motion, later)):
+                return np.vstack([first, later[1:]])
     raise InputError(
         f"the way to the start pose is not clear: {collision_words}: guide the arm nearer to it"
     )
@@ -331,7 +334,7 @@ def _without_near(motion: JointMotion, start: Array) -> JointMotion:
     left = tuple(
         o for o in throw.scene.obstacle if o.name not in near or not o.name.endswith(WAITS)
     )
-    alone = dataclasses.replace(carry, throw=in_scene(throw, throw.scene.replace(obstacle=left)))
+    alone = dataclasses.replace(carry, throw=throw.among(left))
     return dataclasses.replace(motion, carries=(alone, *motion.carries[1:]))
 
 

@@ -15,7 +15,7 @@ from ...models import Array, ReadOnly
 from ...models.robot import Arm, PlanarArm
 from ...problems import InputError, load_arm
 from ..clearance import SpatialScene
-from ..cycle import Cycle, in_scene, is_cycle, read_cycle
+from ..cycle import Cycle, is_cycle, read_cycle
 from ..result import Plan, joint_samples, throw_of
 from ..throw import TICK, Samples, Throw
 from ..verdict import JOINT_LIMITS, verdict
@@ -54,10 +54,10 @@ class Carry(ReadOnly):
     """An object that a motion carries and throws.
 
     throw: on its own clock, which begins at sample `begin` of the motion; objects that wait at
-    their picks are obstacles of its scene. pick: name of the object
-    and its number in the motion; empty if the hand holds it from the start. reach: sample at which
-    the gripper closes on it; held: from which the hand holds it; due: at which the gripper must be
-    open, None where nothing follows.
+    their picks are obstacles of its scene. pick: name of the object and its number in the motion;
+    empty if the hand holds it from the start. reach: sample at which the gripper closes on it;
+    held: from which the hand holds it; due: at which the gripper must be open, None where nothing
+    follows.
     """
 
     throw: Throw
@@ -192,8 +192,8 @@ def _of_cycle(cycle: Cycle) -> JointMotion:
     for number, (step, throw, end) in enumerate(each, start=1):
         name = f"{step.pick} (pick {number} of {count})"
         due = min(math.ceil((step.detach_time + OPENED) / TICK), end)
-        among = in_scene(throw, cycle.among_waiting(number - 1))
-        carries.append(Carry(among, step.join, name, step.reach, step.held, due))
+        around = throw.among((*throw.scene.obstacle, *cycle.waiting(number)))
+        carries.append(Carry(around, step.join, name, step.reach, step.held, due))
     return JointMotion(arm, tuple(carries), rows.q, rows.dq, rows.ddq)
 
 

@@ -118,13 +118,13 @@ def _draw_object(axes: Axes, scene: Scene) -> None:
     across = np.array([-along[1], along[0]])
     end, size = pose[:2] - thing.com * along, max(thing.width, 0.2 * thing.length)
 
-    def beside(share: float, way: float) -> tuple[float, float]:
+    def place(share: float, way: float) -> tuple[float, float]:
         x, z = end + way * along + share * size * across
         return float(x), float(z)
 
-    _length(axes, beside(1.0, 0.0), beside(1.0, thing.com), f"com {thing.com:g}")
+    _length(axes, place(1.0, 0.0), place(1.0, thing.com), f"com {thing.com:g}")
     if grasp.offset:
-        _length(axes, beside(-1.2, 0.0), beside(-1.2, grasp.offset), f"offset {grasp.offset:g}")
+        _length(axes, place(-1.2, 0.0), place(-1.2, grasp.offset), f"offset {grasp.offset:g}")
     angle = f", angle_deg {math.degrees(grasp.angle):g}" if grasp.angle else ""
     _schematic(axes, f"[object] in the pads (dotted){angle} [m]")
 

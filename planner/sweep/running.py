@@ -115,8 +115,8 @@ def judge_of(plan: Plan, model: str, sampler: Sampler) -> Judge:
     early, late, longest = sampler.openings(plan.scene)
     reach = min(-FURTHEST, early), max(FURTHEST, late), longest
     throw = replace(plan.throw.deciding, scene=plan.scene.aimed_at(plan.goal))
-    judge = Judge.of(throw, plan.goal, sampler.names, reach, model)
-    return Judge(_with_steps(judge.batch, sampler))
+    batch = ThrowBatch.of(throw, plan.goal, sampler.names, reach, model)
+    return Judge.of_success(_with_steps(batch, sampler))
 
 
 def _with_steps(batch: ThrowBatch, sampler: Sampler) -> ThrowBatch:

@@ -26,7 +26,7 @@ from ...models.release import (
     exact_surface_release,
     shape_for_core,
 )
-from ...problems import InputError, Pose, Scene, check_arguments
+from ...problems import InputError, Obstacle, Pose, Scene, check_arguments
 from .loads import Torques, core_torques, torques_of
 from .manipulator import EXACT_HAND, HandError, Manipulator
 from .sending import NO_SAMPLES, TICK, Samples
@@ -224,6 +224,12 @@ class Throw:
     def in_scene(self, scene: Scene) -> Throw:
         """The motion in another scene."""
         return replace(self, scene=scene)
+
+    @check_arguments
+    def among(self, obstacles: tuple[Obstacle, ...]) -> Throw:
+        """The throw with these obstacles around in place of its scene's; its release stays."""
+        scene = self.scene.changed(obstacle=obstacles)
+        return replace(self, scene=scene, known_release=self.release)
 
     @check_arguments
     def delayed(self, delay: float) -> Throw:

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ...models import Array, Flags, FlightState, Indices, ReadOnly
-from ...problems import Pose
 from ..clearance import BAR
-from ..throw import EXACT, BatchFlights, Throw, ThrowBatch, torque_limits
+from ..throw import EXACT, BatchFlights, ThrowBatch, torque_limits
 from .batch_limits import MotionLimits
 from .findings import JOINT_LIMITS, Code, Verdict, excused
 from .landing import FALLS, LandingStates, landing_uses
@@ -122,20 +121,13 @@ class Judge:
     batch: ThrowBatch
 
     @classmethod
-    def of(
-        cls,
-        throw: Throw,
-        target: Pose,
-        names: Sequence[str],
-        reach: tuple[float, float, float],
-        model: str = "",
-    ) -> Judge:
-        """Judges the success of throws of a planned motion; arguments as `ThrowBatch.of`.
+    def of_success(cls, batch: ThrowBatch) -> Judge:
+        """Judges whether throws succeed.
 
         Clearances of the scene are reserves of the plan: a thrown object fails only on contact.
         """
-        bare = throw.in_scene(throw.scene.without_clearances())
-        return cls(ThrowBatch.of(bare, target, names, reach, model))
+        bare = batch.throw.in_scene(batch.throw.scene.without_clearances())
+        return cls(replace(batch, throw=bare))
 
     def verdicts(self, values: Array) -> Verdicts:
         """Verdicts on N throws: values (N, P) of the batch's parameters, SI units."""

@@ -87,7 +87,8 @@ class DelayTolerance:
     def of(cls, throw: Throw, target: Pose) -> DelayTolerance:
         """That of a solved throw. target: the requested one."""
         opening = throw.scene.gripper.profile().opening
-        judge = Judge.of(throw, target, ("delay",), (-FURTHEST, FURTHEST, opening))
+        reach = -FURTHEST, FURTHEST, opening
+        judge = Judge.of_success(ThrowBatch.of(throw, target, ("delay",), reach))
         at = [judge.batch.one(np.array([delay])).landing for delay in (0.0, -SAID, SAID)]
         early, late = ((end.x - at[0].x, end.theta - at[0].theta) for end in at[1:])
         return cls(early, late, scan_delays(judge))

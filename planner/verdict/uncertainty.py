@@ -11,7 +11,7 @@ import numpy as np
 from ...models import Array, ReadOnly
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import Distribution, Pose, Scene, Uncertainty
-from ..throw import Throw
+from ..throw import Throw, ThrowBatch
 from .batch import Judge
 from .findings import Code, Finding
 
@@ -206,7 +206,8 @@ def sample_throws(
     sampler = sampler_of(throw.scene, seed)
     early, late, longest = sampler.openings(throw.scene)
     reach = min(early, 0.0), max(late, 0.0), longest
-    return Judge.of(throw, target, sampler.names, reach), sampler.draw(0, count)
+    batch = ThrowBatch.of(throw, target, sampler.names, reach)
+    return Judge.of_success(batch), sampler.draw(0, count)
 
 
 def landing_spread(throw: Throw, target: Pose) -> float:
