@@ -145,7 +145,7 @@ class ReachMap(ReadOnly):
         best = 100 * float(np.nanmax(self.margin))
         return (
             f"{self.scene.name}: at z {self.z:g} m {self.x.size:,} of {self.samples:,} sampled "
-            f"throws land in {self.reachable:,} fields of {size}\n"
+            f"throws land in {self.reachable:,} bins of {size}\n"
             f"  {ranges}, sampled: a plan may reach farther; the best throw keeps {best:.0f} % of "
             "every limit free\n"
             f"  {self._target_words()}{self._library_words()}"

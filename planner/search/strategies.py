@@ -141,7 +141,13 @@ class Search:
         others.sort(key=attrgetter("away"))
         nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
         others += [] if self.blocked else (replace(one, light=False) for one in nearest)
-        return [*others, *self.stored] if self.blocked else [*self.stored, *others]
+        last = self.blocked or self.is_sparse
+        return [*others, *self.stored] if last else [*self.stored, *others]
+
+    @property
+    def is_sparse(self) -> bool:
+        """Whether the library has too few throws to show how far the reach goes."""
+        return len(self.context.library) < SETTINGS.dense
 
     @cached_property
     def stored(self) -> list[Approach]:
@@ -283,8 +289,7 @@ def from_library(search: Search, history: History) -> Try | None:
     soonest.
     """
     number = sum(isinstance(one, Approach) for one in history.tries)
-    is_sparse = len(search.context.library) < SETTINGS.dense
-    if is_sparse or search.blocked or history.found or search.is_settled(history):
+    if search.is_sparse or search.blocked or history.found or search.is_settled(history):
         return None
     return next(islice(search.stored, number, None), None)
 
