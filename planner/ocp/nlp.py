@@ -229,5 +229,5 @@ def _common_values(request: Request) -> dict[str, Any]:
         "half_width_x": target.half_widths[0],
         "half_width_theta": target.half_widths[1],
         "price_x": request.elastic,
-        "price_theta": request.elastic * scene.object.half_length,
+        "price_theta": request.elastic * request.turning * scene.object.half_length,
     }

@@ -287,7 +287,9 @@ class Request:
     """A throw of a scene to a target, for an NLP (target None: unknown, for a verdict).
 
     robust: the method of a robust plan, empty for none. elastic: price [1/m] of the pose error with
-    which the landing may miss the target; 0: it may not. reference: the throw at the start of a
+    which the landing may miss the target; 0: it may not. turning: what the angle's share costs more
+    than that. start_angle [rad]: of the landing at the start of a solve, where the target leaves it
+    open which end of the bar enters a cup. reference: the throw at the start of a
     solve; obstacles are linearised about it.
     """
 
@@ -297,6 +299,8 @@ class Request:
     refinement: Refinement = BASE
     robust: str = ""
     elastic: float = 0.0
+    turning: float = 1.0
+    start_angle: float | None = None
     reference: Throw | None = None
 
     @property

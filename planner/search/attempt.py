@@ -42,7 +42,8 @@ class Start:
     warm: solution with multipliers to start from; near: it is for almost this target. aim: (dx [m],
     dtheta [rad]) from the goal to the first NLP's landing. rough: corrections end at half the
     scene's tolerance. robust: method of a robust NLP. elastic: price [1/m] at which the landing may
-    miss the goal; it is checked at its own place. below: a solution of a higher cost is given up.
+    miss the goal; it is checked at its own place. turning: as of `Request`. below: a solution of a
+    higher cost is given up.
     """
 
     goal: Pose
@@ -58,6 +59,7 @@ class Start:
     rough: bool = False
     robust: str = ""
     elastic: float = 0.0
+    turning: float = 1.0
     below: float = math.inf
 
 
@@ -209,18 +211,25 @@ class _Candidate:
 def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
     """One NLP, its corrections and the check of its throw."""
     manipulator = problems.manipulator
-    request = Request(task.scene, manipulator, robust=start.robust, elastic=start.elastic)
+    request = Request(
+        task.scene,
+        manipulator,
+        robust=start.robust,
+        elastic=start.elastic,
+        turning=start.turning,
+    )
     program = problems.problem(
         start.goal, start.refinement, start.solver, task.clock, start.robust, start.elastic > 0.0
     )
     with task.clock("guess"):
         guess = start.guess(program.nlp)
-    near = None
-    if program.nlp.linearised:
+    is_open = task.scene.cup is not None and (start.elastic or start.goal.theta is None)
+    if program.nlp.linearised or is_open:
         near = Throw(task.scene, manipulator, *program.nlp.motion(request, guess))
-    solves = _Solves(
-        program, replace(request, refinement=start.refinement, reference=near), start, task
-    )
+        request = replace(request, reference=near)
+        if is_open:
+            request = replace(request, start_angle=near.landing.theta)
+    solves = _Solves(program, replace(request, refinement=start.refinement), start, task)
     best, reason = solves.corrected(guess)
     throw, judged, edge = None, None, None
     if best is not None:

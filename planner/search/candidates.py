@@ -4,7 +4,7 @@ different motions."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -93,17 +93,31 @@ class Candidates:
     def judged(self) -> list[tuple[int, Pose, Pose]]:
         """(release, goal, landing) of near throws that differ and break nothing where they land.
 
-        The first of the others follows, with the goal for its landing.
+        The first of the others follows, with the goal for its landing. With a cup, throws with
+        another end of the bar first come before others like the one found: limits bring neither to
+        where the other lands, since across the cup's mouth lies no throw into it.
         """
-        task = self.task
+        sound, others = self._sound(range(len(self.releases.q)), SOUND)
+        if sound and self.task.scene.cup is not None:
+            theta = self.releases.landings(self.task.target.z, self.task.scene.flight)[1]
+            half_turns = np.floor(theta / math.pi)
+            beyond = np.flatnonzero(half_turns != half_turns[sound[0][0]])
+            sound[1:] = (self._sound(beyond, 1)[0] or sound[1:])[:1]
+        return sound + others[:1]
+
+    def _sound(
+        self, among: Sequence[int], count: int
+    ) -> tuple[list[tuple[int, Pose, Pose]], list[tuple[int, Pose, Pose]]]:
+        """`count` of some releases that break nothing, and those before them that do, in order."""
         sound, others = list[tuple[int, Pose, Pose]](), list[tuple[int, Pose, Pose]]()
-        for index, goal, _ in self.different[:JUDGED]:
-            with task.clock("guess"):
+        for k, goal, _ in replace(self, releases=self.releases.picked(among)).different[:JUDGED]:
+            index = int(among[k])
+            with self.task.clock("guess"):
                 pose = self._sound_landing(index, goal)
             (others if pose is None else sound).append((index, goal, pose or goal))
-            if len(sound) == SOUND:
+            if len(sound) == count:
                 break
-        return sound + others[:1]
+        return sound, others
 
     def _sound_landing(self, index: int, goal: Pose) -> Pose | None:
         """A release's landing; None if its throw breaks a limit."""

@@ -37,7 +37,7 @@ def guess_from(
     opening = Trajectory.cubics(nodes[[0, -1]], q[None], dq[None], ddq[None], 0 * q[None])
     states = [np.hstack(pair) for pair in zip(before, opening.at(nodes[1:]), strict=True)]
     relative = _relative(nlp, case_of(scene, manipulator.hand(opening)), nodes)
-    entries = _cup_times(scene, releases.detach[index], flight, nlp.count("t_cup"))
+    entries = _cup_times(nlp, scene, releases.detach[index], flight)
     other = _others(entries, flight)
     return nlp.decision_vector(times, states, lambda k, _: relative[k - s.opens], other)
 
@@ -61,19 +61,22 @@ def _others(entries: Array, flight: float) -> Callable[[Block], float]:
     return other
 
 
-def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array:
+def _cup_times(nlp: ThrowNlp, scene: Scene, detach: Array, flight: float) -> Array:
     """Times (1 + depths,) [s] after detach: of the bar's lowest corner at the rim, then of the
     middle of its lower end at each depth below; none without a cup.
 
     detach (6,): CoM pose and twist. The landing height may be above the rim.
     """
-    cup, target = scene.cup, scene.target
+    cup, target, depths = scene.cup, scene.target, nlp.count("t_cup")
     if cup is None or target is None:
         return np.zeros(0)
     # From 0.15 s before the landing height to 0.3 s after it, every 2.5 ms.
     times = flight + np.linspace(-0.15, 0.3, 181)
     _, z, theta = scene.flight.after(FlightState(*detach), times).pose
-    along, across, radius = lower_end(scene, target)
+    lands = target.theta
+    if nlp.structure.elastic or lands is None:
+        lands = float(np.interp(flight, times, theta))
+    along, across, radius = lower_end(scene.object, lands)
     middle = z + along * np.sin(theta) + across * np.cos(theta) - radius
     half = 0.0 if scene.object.outline else scene.object.width / 2
     corner = middle - half * np.abs(np.cos(theta))
@@ -124,9 +127,8 @@ def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float,
     source = throw.layout
     if source is None or throw.solution is None:
         pivot = throw.exact
-        flight, depths = pivot.landing.flight_time, nlp.count("t_cup")
-        relative = _relative(nlp, pivot.case, nodes)
-        return nodes, relative, flight, _cup_times(throw.scene, pivot.release.end, flight, depths)
+        flight, relative = pivot.landing.flight_time, _relative(nlp, pivot.case, nodes)
+        return nodes, relative, flight, _cup_times(nlp, throw.scene, pivot.release.end, flight)
     x, old = throw.solution.x, source.structure
     states = [source.block(x, "rel", old.opens + i) for i in range(1, old.opening + 1)]
     known = [state for state in states if state is not None]

@@ -47,7 +47,8 @@ class Approach:
     source: a solved throw, or a start that has its own landing for a goal; away [m]: how far off
     the goal it lands, inf if it breaks something there. found: the throw is of an earlier plan.
     light: end before an NLP for which costly constraints come in, or clearances of further bodies.
-    most [m]: end where limits let it come no nearer than this pose error.
+    most [m]: end where limits let it come no nearer than this pose error. turns: bring the angle to
+    the goal first.
     """
 
     goal: Pose
@@ -56,6 +57,7 @@ class Approach:
     found: bool = False
     light: bool = False
     most: float = math.inf
+    turns: bool = False
 
 
 Try = Move | Solve | Approach

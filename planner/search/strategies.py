@@ -133,12 +133,14 @@ class Search:
             for near in self._nearest(context.found, SETTINGS.approaches, math.inf):
                 others.append(Approach(near.goal, near, near.distance, found=True))
         candidates = self.arriving
-        for index, goal, pose in candidates.judged:
+        for number, (index, goal, pose) in enumerate(candidates.judged):
             start = release_start(context.problems, task, candidates.releases, index, goal)
             far = goal.distance(pose, task.scene.object.half_length) or math.inf
-            others.append(Approach(goal, replace(start, goal=pose, again=True), far))
-        # One that breaks something where it lands comes last.
+            start = replace(start, goal=pose, again=True)
+            others.append(Approach(goal, start, far, turns=number == 1))
+        # One that breaks something where it lands comes last, then the other way from each.
         others.sort(key=attrgetter("away"))
+        others += [replace(one, turns=not one.turns) for one in others if not one.found]
         nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
         others += [] if self.blocked else (replace(one, light=False) for one in nearest)
         last = self.blocked or self.is_sparse

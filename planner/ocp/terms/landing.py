@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 
 import casadi as ca
 
-from ....problems import Pose, Scene
+from ....problems import ThrownObject
 from ..request import Request
 from ..scene_constraint import Flight, SceneConstraint
 from ..stages import Block, Stage, T
@@ -112,8 +112,9 @@ class CupClearance(SceneConstraint):
     One unknown time is that of the lowest corner at the rim's height: the corner is clear of the
     wall. Each depth adds an unknown time, at which the middle of the lower end is at that depth:
     the corners of the end are clear of the wall, the long edges clear of the rim. The cup moves
-    with the target, and in an elastic problem with the landing. Of an outline, the lower end is the
-    lowest end of its capsules at the target, and points of all capsules are clear of wall and rim.
+    with the target, and in an elastic problem with the landing. There, and where theta is open, the
+    end that enters is that of the throw at the start of the solve. Of an outline, the lower end is
+    the lowest end of its capsules at that angle, and points of all are clear of wall and rim.
     """
 
     turns: ClassVar[bool] = True
@@ -126,16 +127,18 @@ class CupClearance(SceneConstraint):
         cup, target = request.scene.cup, request.target or request.scene.target
         if cup is None or target is None:
             return None
+        theta = target.theta if request.start_angle is None else request.start_angle
+        lower = lower_end(request.scene.object, theta or 0.0)
         values: dict[str, Any] = {
             "cup_x": cup.x,
             "cup_rim": cup.rim,
             "cup_insertion": cup.insertion,
             "cup_radius": cup.radius_for(request.scene.object),
             "cup_clearance": cup.clearance + CUP_MARGIN + request.refinement.margins["cup"],
-            "lower_end": lower_end(request.scene, target)[0],
+            "lower_end": lower[0],
         }
         if request.scene.object.outline:
-            values["lower_end"] = lower_end(request.scene, target)
+            values["lower_end"] = lower
         if target.velocity is not None:
             values["cup_speed"] = target.speed
         return cls(values, DEPTHS["flight" in request.refinement.lazy], request.elastic > 0.0)
@@ -201,10 +204,9 @@ class CupClearance(SceneConstraint):
                 flight.subject_to("cup clearance", (x - cup_x + free) / radius, low=0.0)
 
 
-def lower_end(scene: Scene, target: Pose) -> tuple[float, float, float]:
-    """The end that lands lower: distances [m] along and across the axis from the CoM, and radius
-    [m] around it, which is 0 for a bar."""
-    theta, bar = 0.0 if target.theta is None else target.theta, scene.object
+def lower_end(bar: ThrownObject, theta: float) -> tuple[float, float, float]:
+    """The end that lands lower at an angle [rad]: distances [m] along and across the axis from the
+    CoM, and radius [m] around it, which is 0 for a bar."""
     if bar.outline:
         return bar.lowest_end(theta)
     return (bar.length - bar.com if math.sin(theta) < 0 else -bar.com), 0.0, 0.0
