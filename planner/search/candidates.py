@@ -4,13 +4,13 @@ different motions."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
-from ...models import Array, Flags
+from ...models import Array, Flags, Indices
 from ...problems import Pose, Scene
 from ..samples import Releases, flies_past_column, in_obstacles, sampled_throw, starts
 from ..throw import Manipulator, column_of
@@ -97,7 +97,7 @@ class Candidates:
         another end of the bar first come before others like the one found: limits bring neither to
         where the other lands, since across the cup's mouth lies no throw into it.
         """
-        sound, others = self._sound(range(len(self.releases.q)), SOUND)
+        sound, others = self._sound(np.arange(len(self.releases.q)), SOUND)
         if sound and self.task.scene.cup is not None:
             theta = self.releases.landings(self.task.target.z, self.task.scene.flight)[1]
             half_turns = np.floor(theta / math.pi)
@@ -106,7 +106,7 @@ class Candidates:
         return sound + others[:1]
 
     def _sound(
-        self, among: Sequence[int], count: int
+        self, among: Indices, count: int
     ) -> tuple[list[tuple[int, Pose, Pose]], list[tuple[int, Pose, Pose]]]:
         """`count` of some releases that break nothing, and those before them that do, in order."""
         sound, others = list[tuple[int, Pose, Pose]](), list[tuple[int, Pose, Pose]]()
