@@ -309,7 +309,9 @@ class _Solves:
                 reason = "the object never comes down to the target's height"
                 break
             best, least = candidate, missed
-            if missed <= 1.0 or start.elastic:
+            # Limits may end an elastic landing short of its aim: then no further aim helps.
+            held = start.elastic and error_over(*aim.goal.miss(x, theta), aim.accuracy) > 1.0
+            if missed <= 1.0 or held:
                 break
             aim = aim.corrected(miss)
             begin = WarmStart(solution)

@@ -130,7 +130,7 @@ class CupClearance(SceneConstraint):
         theta = target.theta if request.start_angle is None else request.start_angle
         lower = lower_end(request.scene.object, theta or 0.0)
         values: dict[str, Any] = {
-            "cup_x": cup.x,
+            "cup_x": cup.x + _offset(request),
             "cup_rim": cup.rim,
             "cup_insertion": cup.insertion,
             "cup_radius": cup.radius_for(request.scene.object),
@@ -202,6 +202,12 @@ class CupClearance(SceneConstraint):
                 free = radius - needed + needed * (u / 2 + u**2 / 8 + u**3 / 16)
                 flight.subject_to("cup clearance", (x - cup_x - free) / radius, high=0.0)
                 flight.subject_to("cup clearance", (x - cup_x + free) / radius, low=0.0)
+
+
+def _offset(request: Request) -> float:
+    """How far [m] the aim of an NLP is beside the target: the cup stays where it is about it."""
+    target, aim = request.scene.target, request.target
+    return 0.0 if aim is None or target is None else aim.plane_x - target.plane_x
 
 
 def lower_end(bar: ThrownObject, theta: float) -> tuple[float, float, float]:
