@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ...models import Array
@@ -183,8 +182,7 @@ def check_hand(where: str | Path, motion: JointMotion) -> None:
 
 def _check_flange(host: str, arm: Arm, state: Any) -> None:
     """InputError unless robot and plan's arm have the flange in one place."""
-    q = ca.SX.sym("q", arm.joints)
-    flange = np.array(ca.Function("flange", [q], [arm.frames(q)[-2]])(state.q))
+    flange = arm.placed(state.q)[-2]
     hand, tool = (np.reshape(pose, (4, 4)).T for pose in (state.O_T_EE, state.F_T_EE))
     off = np.linalg.norm((hand @ np.linalg.inv(tool) - flange)[:3, 3])
     if off > 1e-3:
