@@ -60,6 +60,17 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: {reason}") from None
 
 
+def read_json(path: Path) -> Any:
+    """The value in a JSON file; InputError naming it for other text, as of `read_text`."""
+    text = read_text(path)
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise InputError(f"{path}: is not JSON: nested too deep") from None
+    except ValueError as error:
+        raise InputError(f"{path}: is not JSON: {error}") from None
+
+
 def shipped(kind: str) -> dict[str, Traversable]:
     """The TOML files in the package's folder `kind`, by name."""
     entries = sorted((resources.files("throwplan.problems") / kind).iterdir(), key=lambda e: e.name)
