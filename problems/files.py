@@ -40,6 +40,14 @@ COLUMNS = {
     for column in columns
 } | dict.fromkeys(("t", "command", "since_command"), (1e10, "s"))
 
+#: What an unknown name of a shipped file is, by its folder.
+UNKNOWN = {
+    "scenes": "no scene {!r}",
+    "jobs": "no jobs {!r}",
+    "arms": "unknown robot",
+    "grippers": "unknown gripper",
+}
+
 
 def read_text(path: Path) -> str:
     """The text of a regular file of at most 200 MB; InputError naming it."""
@@ -75,6 +83,29 @@ def shipped(kind: str) -> dict[str, Traversable]:
     """The TOML files in the package's folder `kind`, by name."""
     entries = sorted((resources.files("throwplan.problems") / kind).iterdir(), key=lambda e: e.name)
     return {e.name.removesuffix(".toml"): e for e in entries if e.name.endswith(".toml")}
+
+
+def shipped_text(kind: str, name: str) -> str:
+    """The text of a file of `shipped`; InputError for an unknown name."""
+    known = shipped(kind)
+    if name in known:
+        return known[name].read_text(encoding="utf-8")
+    hint = InputError.hint(name, known)
+    if kind == "scenes" and name in shipped("jobs"):
+        hint = ": these are jobs, for throwplan cycle"
+    unknown = f"{UNKNOWN[kind].format(name)}{hint}"
+    raise InputError(f"{unknown} (shipped: {', '.join(known)}; or a .toml file)")
+
+
+def text_of(kind: str, source: str, folder: Path | None = None) -> tuple[str, Path | None]:
+    """The text of a file of `shipped`, or of a user's, relative to `folder`, and the latter's path.
+
+    InputError for neither.
+    """
+    path = (folder or Path()) / source
+    if source not in shipped(kind) and (path.suffix == ".toml" or os.path.exists(path)):
+        return read_text(path), path
+    return shipped_text(kind, source), None
 
 
 def toml_tables(text: str, place: str) -> dict[str, Any]:

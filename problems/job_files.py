@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..models.robot import Arm
 from .checks import InputError, Mistakes, check_arguments, within
-from .files import read_text, shipped, toml_tables
+from .files import shipped, shipped_text, text_of, toml_tables
 from .scene import Scene
 from .scene_files import load_scene, scene_from_table
 from .section import Section, from_table, optional, quantity
@@ -223,15 +222,7 @@ def jobs_names() -> list[str]:
 @check_arguments
 def jobs_text(name: str) -> str:
     """The TOML text of shipped jobs; InputError for an unknown name."""
-    if name not in jobs_names():
-        raise InputError(_no_jobs(name))
-    return shipped("jobs")[name].read_text(encoding="utf-8")
-
-
-def _no_jobs(name: str) -> str:
-    known = jobs_names()
-    hint = InputError.hint(name, known)
-    return f"no jobs '{name}'{hint} (shipped: {', '.join(known)}; or a .toml file)"
+    return shipped_text("jobs", name)
 
 
 @check_arguments
@@ -241,13 +232,8 @@ def load_jobs(source: str | Path) -> Jobs:
     InputError with one line for each mistake: file, pick or bin, key, value and what is allowed.
     """
     source = str(source)
-    if source in jobs_names():
-        text, folder, name = jobs_text(source), None, source
-    else:
-        path = Path(source)
-        if path.suffix != ".toml" and not os.path.exists(path):
-            raise InputError(_no_jobs(source))
-        text, folder, name = read_text(path), path.parent, path.stem
+    text, path = text_of("jobs", source)
+    folder, name = (path.parent, path.stem) if path else (None, source)
     tables = toml_tables(text, source)
     with within(source):
         return jobs_from(tables, name, folder)
