@@ -31,7 +31,7 @@ static const place PLACES[] = {
     STRUCTURE(move), FIELD(move, n), FIELD(move, carry), FIELD(move, stages), FIELD(move, size),
     FIELD(move, errors), FIELD(move, by_jerk), FIELD(move, surface), FIELD(move, throws),
     FIELD(move, unit), FIELD(move, before), FIELD(move, shortest), FIELD(move, longest),
-    FIELD(move, gravity), FIELD(move, turned), FIELD(move, nearer), FIELD(move, goal),
+    FIELD(move, gravity), FIELD(move, nearer), FIELD(move, goal),
     FIELD(move, aim), FIELD(move, off), FIELD(move, start), FIELD(move, rate),
     FIELD(move, acceleration), FIELD(move, opening), FIELD(move, low), FIELD(move, high),
     FIELD(move, u), FIELD(move, slope), FIELD(move, limits), FIELD(move, release),

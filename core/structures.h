@@ -84,10 +84,10 @@ typedef struct {
    shortest, longest [s]: bounds of the duration. off: from the goal (x [m], theta [rad]) at u; aim (the
    same units): what is near enough; errors: 1 for x, 2 for both. nearer: share of the miss before it that
    a throw must come below; throws: at most so many; surface: by the limit surface, else the sliding pivot;
-   turned [rad]: of the object against the release's; gravity [m/s^2]. */
+   gravity [m/s^2]. */
 typedef struct {
     int64_t n, carry, stages, size, errors, by_jerk, surface, throws;
-    double unit, before, shortest, longest, gravity, turned, nearer, goal[3], aim[2], off[2];
+    double unit, before, shortest, longest, gravity, nearer, goal[3], aim[2], off[2];
     const double *start;        /* [n] NULL where u has it */
     const double *rate;         /* [n] at the start */
     const double *acceleration; /* [n] at the start */
