@@ -70,7 +70,7 @@ static const place PLACES[] = {
     STRUCTURE(measured), FIELD(measured, grip), FIELD(measured, arm), FIELD(measured, held),
     FIELD(measured, column_held), FIELD(measured, column_flown), FIELD(measured, palm),
     FIELD(measured, speed), FIELD(measured, torque), FIELD(measured, palm_time),
-    FIELD(measured, cup), FIELD(measured, joint),
+    FIELD(measured, cup),
     STRUCTURE(solid), FIELD(solid, centre), FIELD(solid, axes), FIELD(solid, half),
     FIELD(solid, radius), FIELD(solid, clearance), FIELD(solid, bar),
     STRUCTURE(bodies), FIELD(bodies, links), FIELD(bodies, bar), FIELD(bodies, moved_by),

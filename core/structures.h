@@ -201,12 +201,11 @@ typedef struct {
 
 /* Use of the grip; heights of the lowest points of the arm and of the bar until detach; the bar's
    distances from the column until detach and in flight, from the palm in flight, and when it first is
-   too near to that; the highest speed of flange and pads' centre; the largest share of a joint's torque,
-   and the joint; least clearance in the cup. Infinite where nothing was near. */
+   too near to that; the highest speed of flange and pads' centre; the largest share of a joint's torque;
+   least clearance in the cup. Infinite where nothing was near. */
 typedef struct {
     extreme grip, arm, held, column_held, column_flown, palm, speed, torque;
     double palm_time, cup;
-    int64_t joint;
 } measured;
 
 /* `Solid` of models/robot/capsules.py: centre [m], rows of axes, half lengths [m] along them, radius [m]

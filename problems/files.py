@@ -42,8 +42,8 @@ COLUMNS = {
 
 #: What an unknown name of a shipped file is, by its folder.
 UNKNOWN = {
-    "scenes": "no scene {!r}",
-    "jobs": "no jobs {!r}",
+    "scenes": "no scene '{}'",
+    "jobs": "no jobs '{}'",
     "arms": "unknown robot",
     "grippers": "unknown gripper",
 }

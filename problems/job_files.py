@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from ..models.robot import Arm
 from .checks import InputError, Mistakes, check_arguments, within
 from .files import shipped, shipped_text, text_of, toml_tables
+from .manipulators import check_angles
 from .scene import Scene
 from .scene_files import load_scene, scene_from_table
 from .section import Section, from_table, optional, quantity
@@ -118,7 +118,7 @@ class Jobs(JobKeys):
         mistakes = Mistakes()
         if self.home is not None:
             with mistakes.kept():
-                _check_joints("home_deg", self.home, self.arm)
+                check_angles("home_deg", self.home, range(1, self.arm.joints + 1), self.arm)
         for kind, rows, most in (
             ("bin", self.bins, MOST_BINS),
             ("pick", self.picks, MOST_PICKS),
@@ -141,7 +141,8 @@ class Jobs(JobKeys):
         mistakes = Mistakes()
         with mistakes.kept():
             if pick.joints is not None:
-                _check_joints("joints_deg", pick.joints, self.arm)
+                every = range(1, self.arm.joints + 1)
+                check_angles("joints_deg", pick.joints, every, self.arm)
         for name in pick.bins or ():
             if name not in names:
                 hint = InputError.hint(name, names)
@@ -198,20 +199,6 @@ def _check_name(name: str) -> None:
     """InputError for a name that is empty or would break a table's lines."""
     if not name or not name.isprintable():
         raise InputError(f"name = {name!r}: must be one line of text")
-
-
-def _check_joints(key: str, joints: tuple[float, ...], arm: Arm) -> None:
-    """InputError for another number of joints, and for angles outside their range."""
-    if len(joints) != arm.joints:
-        found = [round(math.degrees(angle), 6) for angle in joints]
-        raise InputError(f"{key} = {found}: must be a list of {arm.joints} angles")
-    ends = zip(arm.limits.position_min, arm.limits.position_max, strict=True)
-    for number, (angle, (low, high)) in enumerate(zip(joints, ends, strict=True), start=1):
-        if not low <= angle <= high:
-            raise InputError(
-                f"{key}: joint {number} at {math.degrees(angle):.1f} is outside "
-                f"[{math.degrees(low):.1f}, {math.degrees(high):.1f}]"
-            )
 
 
 def jobs_names() -> list[str]:

@@ -66,18 +66,12 @@ class Franka:
     gripper: GripperLink
     binding: Any
 
-    @contextmanager
-    def errors(self) -> Iterator[None]:
-        """Turn errors of the binding into InputError: the controller's word and its cure."""
-        with _errors(self.host, self.binding):
-            yield
-
     def check(self, arm: Arm) -> tuple[Array, GripperState]:
         """The current joints [rad] and the gripper; InputError unless the robot is ready.
 
         Ready: of the plan's arm, idle, without errors, at rest, with a homed gripper.
         """
-        with self.errors():
+        with binding_errors(self.host, self.binding):
             state = self.robot.read_once()
         mode, errors = state.robot_mode.name, str(state.current_errors)
         if state.current_errors:
@@ -93,7 +87,8 @@ class Franka:
 
 
 @contextmanager
-def _errors(host: str, binding: Any) -> Iterator[None]:
+def binding_errors(host: str, binding: Any) -> Iterator[None]:
+    """Turn errors of the binding into InputError: the controller's word and its cure."""
     names = ("Franka", "Network", "Control", "Command", "InvalidOperation", "Realtime")
     try:
         yield
@@ -114,7 +109,7 @@ def connected(host: str) -> Iterator[Franka]:
     try:
         # The gripper first: its process can be ended.
         gripper.state()
-        with _errors(host, binding):
+        with binding_errors(host, binding):
             yield Franka(host, binding.Robot(host, config), gripper, binding)
     finally:
         gripper.close()

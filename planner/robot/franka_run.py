@@ -18,7 +18,7 @@ from ..cycle import WAITS, at_rest, joined, lifted_pose, raised_pose
 from ..throw import TICK, Samples, State, arm_excesses, joint_limits, transfer
 from ..verdict import Code, motion_verdict
 from .expectations import Expectations, swept_bodies
-from .franka import STILL, Franka
+from .franka import STILL, Franka, binding_errors
 from .gripper import FORCES, GRASP_TOLERANCE, MOVED, OPEN_WIDTH, SPEED, GripperLink, GripperState
 from .learning import corrected
 from .motions import JointMotion
@@ -139,7 +139,7 @@ def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
     """
     gc.disable()
     try:
-        with franka.errors():
+        with binding_errors(franka.host, franka.binding):
             mode = franka.binding.ControllerMode.JointImpedance
             control = franka.robot.start_joint_position_control(mode)
             stream = _Stream(control, franka.binding.JointPositions)
