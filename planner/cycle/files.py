@@ -79,7 +79,7 @@ def read_cycle(path: str | Path) -> Cycle:
         raise InputError(f"{path}: a cycle file of version {version!r}, must be {FORMAT}")
     if found.get("status") != "solved":
         raise InputError(f"{path}: the cycle is not solved: it holds no motion")
-    with complete(path, "cycle"):
+    with complete(path, "is not a complete cycle file"):
         steps = tuple(_step(entry, found["arm"]) for entry in found["steps"])
         numbers = float(found["with_stops"]), {k: float(v) for k, v in found["time"].items()}
         name, order = str(found["jobs"]), str(found["order"])

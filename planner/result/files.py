@@ -106,7 +106,7 @@ def read_plan(path: str | Path) -> SavedThrow:
     if path.is_dir():
         path = path / "plan.json"
     plan = _plan_object(path)
-    with complete(path, "plan"):
+    with complete(path, "is not a complete plan file"):
         scene = scene_from_table(plan["definition"])
         opening_time = float(plan["release"]["opening_time"])
     manipulator = make_manipulator(scene)
@@ -124,14 +124,14 @@ def read_plan(path: str | Path) -> SavedThrow:
 
 
 @contextmanager
-def complete(path: Path, kind: str) -> Iterator[None]:
-    """InputError, naming the path, for what the block misses in a file of a kind."""
+def complete(path: Path, words: str) -> Iterator[None]:
+    """InputError, naming the path, in these words for what the block misses in a file."""
     try:
         yield
     except InputError as error:
         raise error.within(str(path)) from None
     except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise InputError(f"{path}: is not a complete {kind} file ({error!r})") from None
+        raise InputError(f"{path}: {words} ({error!r})") from None
 
 
 def check_overwrites(folder: Path) -> None:
