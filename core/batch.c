@@ -132,7 +132,7 @@ WIDE_CLONES EXPORT void sliding_pivot(const batch *b)
             EACH_LANE {
                 double turned = fabs(state[2][l] - k.grasp[0][l]);
                 double slid = sqrt(state[0][l] * state[0][l] + state[1][l] * state[1][l]);
-                slid += k.law[2][l] * turned;
+                slid += fabs(k.law[2][l]) * turned;
                 stray[0][l] = slid > stray[0][l] ? slid : stray[0][l];
                 stray[1][l] = turned > stray[1][l] ? turned : stray[1][l];
                 lost[0][l] = lost[0][l] + out[0][l];

@@ -349,7 +349,7 @@ static void follow(const throw *t, const bodies *all, track *on)
             on->turned[at] = turn + (k ? on->turned[at - a->n] : 0.0);
             moved += turn * (a->arm ? length(a->along[i], a->up[i]) : i < 2 ? 1.0 : 0.0);
             if (i == a->n - 1 && (a->arm || i == 2))
-                moved += turn * (all->com_offset + far);
+                moved += turn * (fabs(all->com_offset) + far);
         }
         if (on->bar && k && k >= on->carried) {
             double before[3], com[3];

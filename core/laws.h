@@ -294,8 +294,9 @@ INLINE void pivot_step(const lane state[6], const lane start[9], const lane midd
         w4 = 0.5;
         w4 = w4 * w1;
         w5 = law[2][l];
-        w6 = 0.1;
-        w6 = w5 + w6;
+        w6 = fabs(w5);
+        w7 = 0.1;
+        w6 = w6 + w7;
         w6 = w6 * w6;
         w7 = w0 * w0;
         w8 = state[1][l];
@@ -774,8 +775,9 @@ INLINE void paper_step(const lane state[6], const lane start[9], const lane midd
         w4 = 0.5;
         w4 = w4 * w1;
         w5 = law[2][l];
-        w6 = 0.1;
-        w6 = w5 + w6;
+        w6 = fabs(w5);
+        w7 = 0.1;
+        w6 = w6 + w7;
         w6 = w6 * w6;
         w7 = w0 * w0;
         w8 = state[1][l];
@@ -1343,6 +1345,7 @@ INLINE void pivot_lost(const lane state[6], const lane law[8], lane lost[1])
     EACH_LANE {
         double w0, w1, w2;
         w0 = law[2][l];
+        w0 = fabs(w0);
         w1 = 0.1;
         w0 = w0 + w1;
         w0 = w0 * w0;

@@ -358,10 +358,8 @@ INLINE void highest_torque(const throw *t, measured *m)
                 joint_torque(joints[i], total, torque);
                 for (int l = 0; l < LANES; l++) {
                     double share = fabs(torque[0][l]) / b->limit[i];
-                    if (share > m->torque.value && (held ? time[l] <= t->detach : time[l] >= t->opening)) {
+                    if (share > m->torque.value && (held ? time[l] <= t->detach : time[l] >= t->opening))
                         m->torque = (extreme){share, time[l]};
-                        m->joint = i;
-                    }
                 }
             }
         }
@@ -769,7 +767,7 @@ CLONES EXPORT void measure(const throw *t, measured *m)
     const object o = object_of(s);
     const box body = {-s->palm_back, -s->palm_front, s->palm_half_width};
     const extreme far = {INFINITY, 0.0}, none = {0.0, 0.0};
-    *m = (measured){largest_use(t), far, far, far, far, far, none, none, INFINITY, INFINITY, 0};
+    *m = (measured){largest_use(t), far, far, far, far, far, none, none, INFINITY, INFINITY};
     carry(t, &o, &body, m);
     fly(t, &o, &body, NULL, m, NULL);
     if (s->cup_radius >= 0.0)

@@ -75,7 +75,7 @@ static int throw_trial(const move *m, trial *t, moved *found, double off[2])
     double pose[3];
     flight_pose(at + 1, fall_time(at + 1, m->goal[1], m->gravity), m->gravity, pose);
     off[0] = pose[0] - m->goal[0];
-    off[1] = m->errors > 1 ? pose[2] - m->turned - m->goal[2] : 0.0;
+    off[1] = m->errors > 1 ? pose[2] - m->goal[2] : 0.0;
     return 0;
 }
 

@@ -63,7 +63,7 @@ static void excess_at(run *k, double time, const lane state[6], const lane hand[
     pivot_excess(state, hand, force, law_of(k), over);
     found[0] = over[0][0];
     found[1] = over[1][0];
-    found[2] = length(state[0][0], state[1][0]) - (k->r->law[2] + LOST_SLIP);
+    found[2] = length(state[0][0], state[1][0]) - (fabs(k->r->law[2]) + LOST_SLIP);
 }
 
 /* State, hand and excess after a step of h [s]. */

@@ -84,10 +84,10 @@ typedef struct {
    shortest, longest [s]: bounds of the duration. off: from the goal (x [m], theta [rad]) at u; aim (the
    same units): what is near enough; errors: 1 for x, 2 for both. nearer: share of the miss before it that
    a throw must come below; throws: at most so many; surface: by the limit surface, else the sliding pivot;
-   turned [rad]: of the object against the release's; gravity [m/s^2]. */
+   gravity [m/s^2]. */
 typedef struct {
     int64_t n, carry, stages, size, errors, by_jerk, surface, throws;
-    double unit, before, shortest, longest, gravity, turned, nearer, goal[3], aim[2], off[2];
+    double unit, before, shortest, longest, gravity, nearer, goal[3], aim[2], off[2];
     const double *start;        /* [n] NULL where u has it */
     const double *rate;         /* [n] at the start */
     const double *acceleration; /* [n] at the start */
@@ -201,12 +201,11 @@ typedef struct {
 
 /* Use of the grip; heights of the lowest points of the arm and of the bar until detach; the bar's
    distances from the column until detach and in flight, from the palm in flight, and when it first is
-   too near to that; the highest speed of flange and pads' centre; the largest share of a joint's torque,
-   and the joint; least clearance in the cup. Infinite where nothing was near. */
+   too near to that; the highest speed of flange and pads' centre; the largest share of a joint's torque;
+   least clearance in the cup. Infinite where nothing was near. */
 typedef struct {
     extreme grip, arm, held, column_held, column_flown, palm, speed, torque;
     double palm_time, cup;
-    int64_t joint;
 } measured;
 
 /* `Solid` of models/robot/capsules.py: centre [m], rows of axes, half lengths [m] along them, radius [m]

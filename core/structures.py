@@ -211,7 +211,7 @@ class Measured(Structure):
     column_flown: the bar's signed distance from the base column. palm: of the flying bar from the
     hand's body; palm_time: from when on [s after detach] it is below the scene's clearance. speed:
     highest [m/s] of flange and pads' centre from rest to the end; torque: largest share of a
-    joint's limit, and the joint's place among those that throw. Both are 0 where there is no limit.
+    joint's limit. Both are 0 where there is no limit.
     cup: clearance on the way into the cup, -inf for a bar that misses it.
     """
 
@@ -225,7 +225,6 @@ class Measured(Structure):
     torque: Extreme
     palm_time: float
     cup: float
-    joint: int
     _fields_, pointers = _members("measured", extreme=Extreme)
 
 

@@ -11,7 +11,6 @@ Release Dynamics in Robot Throwing: A Sliding Pivot Model".
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
@@ -135,10 +134,13 @@ class Contact:
     def sliding_wrench(self, twist: Array) -> Array:
         """Gamma(v) = -A^-1 v / sqrt(v^T A^-1 v) of the ellipsoid (19).
 
-        Friction (3,) per newton of normal force for a contact twist (3,) that is not 0.
+        Friction (3, ...) per newton of normal force for a contact twist (3, ...); 0 for none.
         """
-        image = self.friction**2 * np.array([1.0, 1.0, self.torsion_arm**2]) * twist
-        return np.asarray(-image / math.sqrt(float(twist @ image)))
+        v_x, v_z, omega = twist
+        arm = self.torsion_arm
+        size = np.sqrt(v_x**2 + v_z**2 + (arm * omega) ** 2)
+        image = self.friction * np.array([v_x, v_z, arm**2 * omega])
+        return np.asarray(-image / np.maximum(size, 1e-300))
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,6 @@ from .body import Array, HandSamples, ReadOnly
 #: Indices among N throws.
 Throws = npt.NDArray[np.int_]
 
-#: Distance [s] from a break of the samples on either side; the acceleration may step at it.
-INSIDE = 1e-12
-
 
 @dataclass(frozen=True, eq=False)
 class Trajectory(ReadOnly):
@@ -100,14 +97,6 @@ class Trajectory(ReadOnly):
         if (np.diff(t) <= 0).any():
             raise ValueError("times: must rise from sample to sample")
         return cls(t, rows, np.empty(0), delays=delays)
-
-    @classmethod
-    def recorded(cls, times: Array, joints: Array, cutoff: float = 35.0) -> Trajectory:
-        """Recorded joints (K, n) [rad] at `times` (K,) [s], low-passed, by cubic splines.
-
-        The processing of Liu and Billard, section VI-A. Raises ValueError as `low_pass`.
-        """
-        return cls.through(*low_pass(times, joints, cutoff))
 
     @classmethod
     def cubics(cls, times: Array, q: Array, dq: Array, ddq: Array, jerk: Array) -> Trajectory:

@@ -25,7 +25,7 @@ from ..models.robot import (
     segment_distance,
 )
 from .checks import InputError, within
-from .files import read_text, shipped, toml_lines, toml_tables
+from .files import text_of, toml_lines, toml_tables
 from .section import from_table, meanings, rows_from, table_of
 from .uncertainty import Distribution
 
@@ -125,7 +125,8 @@ class GripperData:
 
 def load_gripper(name: str, folder: Path | None = None) -> GripperData:
     """A gripper from a shipped name or a gripper data file (TOML), relative to `folder`."""
-    gripper_data: GripperData = from_table(GripperData, _tables("grippers", name, folder))
+    tables = toml_tables(text_of("grippers", name, folder)[0], name)
+    gripper_data: GripperData = from_table(GripperData, tables)
     return gripper_data
 
 
@@ -134,7 +135,7 @@ def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None 
 
     gripper: instead of the arm's own.
     """
-    tables = _tables("arms", name, folder)
+    tables = toml_tables(text_of("arms", name, folder)[0], name)
     own = tables.pop("gripper", None)
     if gripper is None and own is not None:
         with within(f"gripper = {own!r}"):
@@ -204,21 +205,6 @@ def _room(frames: np.ndarray, one: LinkCapsule, other: LinkCapsule) -> np.ndarra
         for end in (c.begin, c.end)
     ]
     return segment_distance(*ends) - one.radius - other.radius
-
-
-def _tables(kind: str, name: str, folder: Path | None) -> dict[str, Any]:
-    """The tables of a shipped file or of a user's."""
-    names = shipped(kind)
-    if name in names:
-        text = names[name].read_text(encoding="utf-8")
-    elif name.endswith(".toml"):
-        text = read_text((folder or Path()) / name)
-    else:
-        unknown = {"arms": "unknown robot", "grippers": "unknown gripper"}[kind] + InputError.hint(
-            name, names
-        )
-        raise InputError(f"{unknown} (shipped: {', '.join(names)}; or a .toml file)")
-    return toml_tables(text, name)
 
 
 def arm_from(tables: Mapping[str, Any]) -> Arm:

@@ -40,6 +40,14 @@ COLUMNS = {
     for column in columns
 } | dict.fromkeys(("t", "command", "since_command"), (1e10, "s"))
 
+#: What an unknown name of a shipped file is, by its folder.
+UNKNOWN = {
+    "scenes": "no scene '{}'",
+    "jobs": "no jobs '{}'",
+    "arms": "unknown robot",
+    "grippers": "unknown gripper",
+}
+
 
 def read_text(path: Path) -> str:
     """The text of a regular file of at most 200 MB; InputError naming it."""
@@ -60,10 +68,44 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: {reason}") from None
 
 
+def read_json(path: Path) -> Any:
+    """The value in a JSON file; InputError naming it for other text, as of `read_text`."""
+    text = read_text(path)
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise InputError(f"{path}: is not JSON: nested too deep") from None
+    except ValueError as error:
+        raise InputError(f"{path}: is not JSON: {error}") from None
+
+
 def shipped(kind: str) -> dict[str, Traversable]:
     """The TOML files in the package's folder `kind`, by name."""
     entries = sorted((resources.files("throwplan.problems") / kind).iterdir(), key=lambda e: e.name)
     return {e.name.removesuffix(".toml"): e for e in entries if e.name.endswith(".toml")}
+
+
+def shipped_text(kind: str, name: str) -> str:
+    """The text of a file of `shipped`; InputError for an unknown name."""
+    known = shipped(kind)
+    if name in known:
+        return known[name].read_text(encoding="utf-8")
+    hint = InputError.hint(name, known)
+    if kind == "scenes" and name in shipped("jobs"):
+        hint = ": these are jobs, for throwplan cycle"
+    unknown = f"{UNKNOWN[kind].format(name)}{hint}"
+    raise InputError(f"{unknown} (shipped: {', '.join(known)}; or a .toml file)")
+
+
+def text_of(kind: str, source: str, folder: Path | None = None) -> tuple[str, Path | None]:
+    """The text of a file of `shipped`, or of a user's, relative to `folder`, and the latter's path.
+
+    InputError for neither.
+    """
+    path = (folder or Path()) / source
+    if source not in shipped(kind) and (path.suffix == ".toml" or os.path.exists(path)):
+        return read_text(path), path
+    return shipped_text(kind, source), None
 
 
 def toml_tables(text: str, place: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..models import SHAPES, Array, Contact, SurfaceShape
 from ..models.release import GripProfile, LinearGrip, TableGrip
+from ..models.robot import segment_distance
 from .arms import load_gripper
 from .checks import InputError, within
 from .section import Section, from_table, optional, quantity
@@ -97,6 +98,16 @@ class ThrownObject(Section):
         ends, radii = self.capsules[:, :4].reshape(-1, 2), self.capsules[:, 4].repeat(2)
         low = int((ends @ [np.sin(theta), np.cos(theta)] - radii).argmin())
         return float(ends[low, 0]) - self.com, float(ends[low, 1]), float(radii[low])
+
+    def thickness_at(self, offset: float) -> float:
+        """Thickness [m] between pads at `offset` [m] from the end nearer the grasp: of an outline
+        twice the radius of the capsule whose surface is nearest to them."""
+        if not self.outline:
+            return self.width
+        ends = np.insert(self.capsules[:, :4].reshape(-1, 2, 2), 2, 0.0, axis=2)
+        pads = np.broadcast_to([offset, 0.0, 0.0], (len(ends), 3))
+        away = segment_distance(pads, pads, ends[:, 0], ends[:, 1]) - self.capsules[:, 4]
+        return float(2 * self.capsules[away.argmin(), 4])
 
     @functools.cached_property
     def half_length(self) -> float:

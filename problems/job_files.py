@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..models.robot import Arm
 from .checks import InputError, Mistakes, check_arguments, within
-from .files import read_text, shipped, toml_tables
+from .files import shipped, shipped_text, text_of, toml_tables
+from .manipulators import check_angles
 from .scene import Scene
 from .scene_files import load_scene, scene_from_table
 from .section import Section, from_table, optional, quantity
@@ -119,7 +118,7 @@ class Jobs(JobKeys):
         mistakes = Mistakes()
         if self.home is not None:
             with mistakes.kept():
-                _check_joints("home_deg", self.home, self.arm)
+                check_angles("home_deg", self.home, range(1, self.arm.joints + 1), self.arm)
         for kind, rows, most in (
             ("bin", self.bins, MOST_BINS),
             ("pick", self.picks, MOST_PICKS),
@@ -142,7 +141,8 @@ class Jobs(JobKeys):
         mistakes = Mistakes()
         with mistakes.kept():
             if pick.joints is not None:
-                _check_joints("joints_deg", pick.joints, self.arm)
+                every = range(1, self.arm.joints + 1)
+                check_angles("joints_deg", pick.joints, every, self.arm)
         for name in pick.bins or ():
             if name not in names:
                 hint = InputError.hint(name, names)
@@ -201,20 +201,6 @@ def _check_name(name: str) -> None:
         raise InputError(f"name = {name!r}: must be one line of text")
 
 
-def _check_joints(key: str, joints: tuple[float, ...], arm: Arm) -> None:
-    """InputError for another number of joints, and for angles outside their range."""
-    if len(joints) != arm.joints:
-        found = [round(math.degrees(angle), 6) for angle in joints]
-        raise InputError(f"{key} = {found}: must be a list of {arm.joints} angles")
-    ends = zip(arm.limits.position_min, arm.limits.position_max, strict=True)
-    for number, (angle, (low, high)) in enumerate(zip(joints, ends, strict=True), start=1):
-        if not low <= angle <= high:
-            raise InputError(
-                f"{key}: joint {number} at {math.degrees(angle):.1f} is outside "
-                f"[{math.degrees(low):.1f}, {math.degrees(high):.1f}]"
-            )
-
-
 def jobs_names() -> list[str]:
     """Names of the shipped job files."""
     return list(shipped("jobs"))
@@ -223,15 +209,7 @@ def jobs_names() -> list[str]:
 @check_arguments
 def jobs_text(name: str) -> str:
     """The TOML text of shipped jobs; InputError for an unknown name."""
-    if name not in jobs_names():
-        raise InputError(_no_jobs(name))
-    return shipped("jobs")[name].read_text(encoding="utf-8")
-
-
-def _no_jobs(name: str) -> str:
-    known = jobs_names()
-    hint = InputError.hint(name, known)
-    return f"no jobs '{name}'{hint} (shipped: {', '.join(known)}; or a .toml file)"
+    return shipped_text("jobs", name)
 
 
 @check_arguments
@@ -241,13 +219,8 @@ def load_jobs(source: str | Path) -> Jobs:
     InputError with one line for each mistake: file, pick or bin, key, value and what is allowed.
     """
     source = str(source)
-    if source in jobs_names():
-        text, folder, name = jobs_text(source), None, source
-    else:
-        path = Path(source)
-        if path.suffix != ".toml" and not os.path.exists(path):
-            raise InputError(_no_jobs(source))
-        text, folder, name = read_text(path), path.parent, path.stem
+    text, path = text_of("jobs", source)
+    folder, name = (path.parent, path.stem) if path else (None, source)
     tables = toml_tables(text, source)
     with within(source):
         return jobs_from(tables, name, folder)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from collections.abc import Sequence
 
 from ..models.robot import Arm
 from .checks import InputError
@@ -136,19 +137,24 @@ def thrown_by(robot: Robot, arm: Arm) -> tuple[int, ...]:
             f"[robot] tool_speed = {robot.tool_speed:g}: must be at most {limit:g} m/s, the "
             f"tool_speed of {file}"
         )
-    if robot.start is None:
-        return joints
-    if len(robot.start) != len(joints):
-        given = [round(math.degrees(angle), 6) for angle in robot.start]
-        raise InputError(f"[robot] start_deg = {given}: must be a list of {len(joints)} angles")
-    for joint, angle in zip(joints, robot.start, strict=True):
+    if robot.start is not None:
+        check_angles("[robot] start_deg", robot.start, joints, arm)
+    return joints
+
+
+def check_angles(key: str, angles: Sequence[float], joints: Sequence[int], arm: Arm) -> None:
+    """InputError for another number of angles [rad] than of these joints, and outside their
+    range."""
+    if len(angles) != len(joints):
+        given = [round(math.degrees(angle), 6) for angle in angles]
+        raise InputError(f"{key} = {given}: must be a list of {len(joints)} angles")
+    for joint, angle in zip(joints, angles, strict=True):
         low, high = arm.limits.position_min[joint - 1], arm.limits.position_max[joint - 1]
         if not low <= angle <= high:
             raise InputError(
-                f"[robot] start_deg: joint {joint} at {math.degrees(angle):.1f} is outside "
+                f"{key}: joint {joint} at {math.degrees(angle):.1f} is outside "
                 f"[{math.degrees(low):.1f}, {math.degrees(high):.1f}]"
             )
-    return joints
 
 
 @dataclasses.dataclass(frozen=True)

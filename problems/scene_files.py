@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from ..models.release import TableGrip
 from ..models.robot import Arm
 from .arms import arm_from, load_arm, load_gripper
 from .checks import InputError, Mistakes, check_arguments, checked, within
-from .files import read_csv, read_text, shipped, toml_tables
+from .files import read_csv, shipped, shipped_text, text_of, toml_tables
 from .grip import held_object
 from .poses import Region
 from .scene import MOVERS, SECTIONS, TOP_KEYS, Scene
@@ -29,9 +28,7 @@ def scene_names() -> list[str]:
 @check_arguments
 def scene_text(name: str) -> str:
     """The TOML text of a built-in scene; InputError for an unknown name."""
-    if name not in scene_names():
-        raise InputError(_no_scene(name))
-    return shipped("scenes")[name].read_text(encoding="utf-8")
+    return shipped_text("scenes", name)
 
 
 def as_scene(scene: Scene | str | Path) -> Scene:
@@ -46,30 +43,14 @@ def load_scene(source: str | Path) -> Scene:
     Raises InputError with one line: file, section, key, value and what is allowed.
     """
     source = str(source)
-    if source in scene_names():
-        return _parse(scene_text(source), source, None)
-    path = Path(source)
-    if path.suffix == ".json":
+    if Path(source).suffix == ".json":
         raise InputError(
             f"{source}: a scene is a .toml file; a saved plan is for view, replay and export"
         )
-    if path.suffix != ".toml" and not os.path.exists(path):
-        raise InputError(_no_scene(source))
-    return _parse(read_text(path), source, path)
-
-
-def _no_scene(name: str) -> str:
-    names = scene_names()
-    are_jobs = name in shipped("jobs")
-    hint = ": these are jobs, for throwplan cycle" if are_jobs else InputError.hint(name, names)
-    return f"no scene '{name}'{hint} (built in: {', '.join(names)}; or a .toml file)"
-
-
-def _parse(text: str, place: str, path: Path | None) -> Scene:
-    tables = toml_tables(text, place)
-    folder = path.parent if path else None
-    name = path.stem if path else place
-    with within(place):
+    text, path = text_of("scenes", source)
+    tables = toml_tables(text, source)
+    folder, name = (path.parent, path.stem) if path else (None, source)
+    with within(source):
         scene = _scene_from({"name": name} | tables, file=str(path or ""), folder=folder)
         scene.check_target_in_cup()
     return scene

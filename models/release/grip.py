@@ -38,13 +38,9 @@ class GripProfile:
     def curve(self) -> Any:
         """The force over the time from its fall on, as SciPy's piecewise cubics, for the core.
 
-        None for a linear fall, which the core has in closed form. Here in 200 pieces; the error of
-        a smooth force is 1e-6.
+        None for a linear fall, which the core has in closed form.
         """
-        from scipy.interpolate import PchipInterpolator
-
-        times = np.linspace(0.0, self.opening, 201)
-        return PchipInterpolator(times, self.force(times))
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -87,7 +83,7 @@ class TableGrip(GripProfile):
 
     @cached_property
     def curve(self) -> Any:
-        """The force over the time from its fall on, as SciPy's piecewise cubics."""
+        """The force over the time from its fall on."""
         from scipy.interpolate import PchipInterpolator
 
         return PchipInterpolator(self._times, self._forces)

@@ -127,7 +127,7 @@ def _levels(batch: ReleaseBatch) -> Array:
     _, twist, acceleration = batch.hands.at(np.zeros(batch.count))
     body = batch.body
     pull = np.hypot(acceleration[0], acceleration[1]) + batch.gravity
-    arm = body.mass * (body.com_offset + LOST_SLIP * 0.1)
+    arm = body.mass * (np.abs(body.com_offset) + LOST_SLIP * 0.1)
     swing = np.sqrt(arm * pull / body.grasp_inertia) + np.abs(twist[2])
     turning = np.abs(acceleration[2]) * batch.opening
     cycles = batch.opening * (swing + turning)

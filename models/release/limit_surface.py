@@ -217,7 +217,7 @@ class SteppedRelease:
         """The release of one case."""
         release = surface_steps(case, self.steps)
         pivot, slide = case.slip_onset()
-        return replace(release, pivot=pivot, slide=slide, wrench=_friction(case, release))
+        return replace(release, pivot=pivot, slide=slide, wrench=step_wrenches(case, release))
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
         """N releases on the contact's own ellipsoid.
@@ -238,7 +238,7 @@ class SteppedRelease:
         return by_levels(batch, extrapolated)
 
 
-def _friction(case: ReleaseCase, release: Release) -> Array:
+def step_wrenches(case: ReleaseCase, release: Release) -> Array:
     """Contact wrench (3, K) of each step, from the change of momentum in it."""
     change = np.diff(release.com_twist, axis=1) / np.diff(release.times)
     f_x, f_z = case.body.mass * change[0], case.body.mass * (change[1] + case.gravity)

@@ -2,7 +2,8 @@
 
 A disc under 'uniform' or 'hertz' pressure gets rings of points; its radius is chosen so that pure
 torsion is c r_p mu f_N, the limit of the ellipsoid in (19) of Liu and Billard. Backward Euler on
-velocities, as in `limit_surface`: per step the contact's slip twist v minimises the strictly convex
+velocities, by `LimitSurfaceStepping`: per step the contact's slip twist v minimises the strictly
+convex
 
     (v - b)^T K (v - b) / 2 + sum_i mu N_i dt |u_i(v)|,
 
@@ -25,13 +26,14 @@ c = mu / (sigma_0 dt), a rigid patch with a memory.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..body import Array, Body, Contact, Flags, HandSamples, sticking_state
 from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase, by_chunks, failed, onsets
+from .limit_surface import LimitSurfaceStepping, step_wrenches
 
 #: Speed [m/s] at which a rigid point has half of its friction; it has 99 % at 99 CREEP. Its error
 #: of landings is up to 0.03 mm at 1e-9 and below 0.001 mm at 1e-12; 1e-13 takes up to twice the
@@ -41,6 +43,8 @@ UNSOLVED = "a step of the patch was not solved"
 #: Throws of a chunk: arrays of points times throws fit the cache, and products are below 64^3,
 #: above which BLAS uses threads that wait ten times longer on a busy machine.
 PATCH_CHUNK = 112
+#: The entries of `ImpulseProblem.matrix`, row by row.
+_ROWS = [0, 3, 4, 3, 1, 5, 4, 5, 2]
 #: Disc radius over its torsion arm, the mean of |rho| weighted by pressure.
 RADIUS_PER_ARM = {"uniform": 1.5, "hertz": 16.0 / (3.0 * math.pi)}
 
@@ -263,9 +267,8 @@ class PatchRelease:
         times = run.times[:, 0]
         if not np.isfinite(run.com).all():
             return failed(times, UNSOLVED)
-        assert run.wrench is not None
-        com, twist, wrench = (v[..., 0] for v in (run.com, run.com_twist, run.wrench))
-        return Release(times, com, twist, run.pivot, run.slide, wrench)
+        release = Release(times, run.com[..., 0], run.com_twist[..., 0], run.pivot, run.slide)
+        return replace(release, wrench=step_wrenches(case, release))
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
         """N releases; NaN for a throw with a step that was not solved."""
@@ -277,44 +280,46 @@ class PatchRelease:
         return by_chunks(batch, chunk, PATCH_CHUNK)
 
     def march(self, throws: PatchThrows) -> Release:
-        """N releases side by side: times (K, N), com, com_twist and wrench (3, K, N).
+        """N releases side by side: times (K, N), com and com_twist (3, K, N), no wrench.
 
         Throws with a step that was not solved are NaN.
         """
-        arm = np.asarray(throws.contact.torsion_arm, float)
         solver = PointSolver(pad(self.pressure, self.points))
-        hand, state = throws.hand, throws.start
+        hand, state, friction = throws.hand, throws.start, throws.contact.friction
+        law = LimitSurfaceStepping(throws.body, throws.contact, throws.gravity, turned=True)
         dt = np.diff(hand.times, axis=0)
-        # The hand's displacement in each step beyond that of its twist at the step's end.
-        way = np.diff(hand.pose, axis=1) - dt * hand.twist[:, 1:]
-        middle = (hand.pose[:, 1:] + hand.pose[:, :-1]) / 2
         limits = throws.contact.force_limit(throws.forces) * dt
         count = state.shape[1]
         slip, share = np.zeros((3, count)), np.zeros((2, solver.points, count))
         creep, none = np.full(count, CREEP), share
-        states, wrenches, unsolved = [state], [], np.zeros(count, bool)
+        states, unsolved = [state], np.zeros(count, bool)
         first: tuple[float | None, float | None] | None = None
         for k in range(len(dt)):
-            frame = _Frame.of(throws, state, (middle[:, k], hand.twist[:, k + 1]), arm, dt[k])
-            problem = SlipProblem(frame.mass, frame.free, limits[k], creep, none)
+            ends = [HandSamples(hand.times[i], *(v[:, i] for v in hand)) for i in (k, k + 1)]
+            lever = law.lever(state, ends, dt[k])
+            # The law's impulse y is in units of the friction, its torque over the torsion arm.
+            step = law.problem(state, ends, lever, 1.0, dt[k])
+            inverse = (np.array(step.matrix)[_ROWS] / friction**2).T.reshape(-1, 3, 3)
+            free = -np.array(step.rhs) / friction
+            rigid = SlipProblem(np.linalg.inv(inverse), free, limits[k], creep, none)
+            problem = rigid
             if self.stiffness is not None:
                 if k == 0:
                     # The wrench of a rigid patch in the first step is the load at rest.
-                    slip, share, _ = solver.solve(problem, slip, share)
-                problem = self._bristled(problem, self.stiffness, throws, solver, share, dt[k])
+                    slip, share, _ = solver.solve(rigid, slip, share)
+                problem = self._bristled(rigid, self.stiffness, throws, solver, share, dt[k])
             slip, share, missed = solver.solve(problem, slip, share)
             unsolved |= missed
             # A sticking patch creeps at a few CREEP.
             if self.stiffness is None and count == 1 and not first and np.abs(slip).max() > 1e-8:
                 first = onsets(float(hand.times[k, 0]), slip[:, 0], 1.0)
-            state, impulse = frame.after(state, slip, way[:, k], dt[k])
+            y = rigid.momentum(slip - free) / friction
+            state = np.array(law.after(state, ends, lever, y, dt[k]))
             states.append(state)
-            wrenches.append(impulse / dt[k])
         track = np.array(states).transpose(1, 0, 2)
-        wrench = np.array([wrenches[0], *wrenches]).transpose(1, 0, 2)
         track[:, :, unsolved] = np.nan
         pivot, slide = first or (None, None)
-        return Release(hand.times, track[:3], track[3:], pivot, slide, wrench)
+        return Release(hand.times, track[:3], track[3:], pivot, slide)
 
     def _bristled(
         self,
@@ -346,54 +351,3 @@ def critical_damping(mass: Array | float, normal_force: Array | float, stiffness
     """
     held = np.maximum(np.asarray(normal_force, float), 1e-9)
     return np.asarray(2.0 * np.sqrt(stiffness * np.asarray(mass) / held))
-
-
-@dataclass(frozen=True)
-class _Frame:
-    """One step seen at the contact, in the hand's frame, spin as a speed (arm times omega).
-
-    mass (N, 3, 3): inertia; free (3, N): slip without friction; lever (2, N), world axes,
-    in the middle of the step; hand (3, N): its twist at the end of the step, against which
-    slip is measured; turn: cos and sin of its angle.
-    """
-
-    mass: Array
-    free: Array
-    lever: Array
-    hand: Array
-    turn: tuple[Array, Array]
-    arm: Array
-
-    @classmethod
-    def of(
-        cls, throws: PatchThrows, state: Array, hand: tuple[Array, Array], arm: Array, dt: Array
-    ) -> _Frame:
-        """hand: its pose in the middle of the step, its twist at the end."""
-        body, (middle, twist) = throws.body, hand
-        cos, sin = np.cos(middle[2]), np.sin(middle[2])
-        x_r, z_r = state[:2] + dt / 2 * state[3:5] - middle[:2]
-        b_x = state[3] + state[5] * z_r - twist[0]
-        b_z = state[4] - throws.gravity * dt - state[5] * x_r - twist[1]
-        free = [cos * b_x + sin * b_z, cos * b_z - sin * b_x, arm * (state[5] - twist[2])]
-        x_h, z_h = (cos * x_r + sin * z_r) / arm, (cos * z_r - sin * x_r) / arm
-        m, zero = body.mass + 0.0 * x_r, 0.0 * x_r
-        spin = m * (x_h * x_h + z_h * z_h) + body.inertia / arm**2
-        mass = np.array([[m, zero, -m * z_h], [zero, m, m * x_h], [-m * z_h, m * x_h, spin]])
-        lever = np.array([x_r, z_r])
-        return cls(mass.transpose(2, 0, 1), np.array(free), lever, twist, (cos, sin), arm)
-
-    def after(self, state: Array, slip: Array, way: Array, dt: Array) -> tuple[Array, Array]:
-        """State after the step, and the friction impulse at the contact, for `slip` (3, N).
-
-        As in LimitSurfaceStepping, a sticking body meets the hand's pose exactly.
-        """
-        cos, sin = self.turn
-        v_x = cos * slip[0] - sin * slip[1] + self.hand[0]
-        v_z = sin * slip[0] + cos * slip[1] + self.hand[1]
-        omega = slip[2] / self.arm + self.hand[2]
-        x_r, z_r = self.lever
-        twist = np.array([v_x - omega * z_r, v_z + omega * x_r, omega])
-        p = np.einsum("nij,jn->in", self.mass, slip - self.free)
-        impulse = np.array([cos * p[0] - sin * p[1], sin * p[0] + cos * p[1], self.arm * p[2]])
-        carried = np.array([way[0] - way[2] * z_r, way[1] + way[2] * x_r, way[2]])
-        return np.concatenate([state[:3] + dt * twist + carried, twist]), impulse

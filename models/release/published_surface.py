@@ -105,25 +105,18 @@ class KarnoppRelease:
         body, contact, gravity = given.body, given.contact, given.gravity
         arm = contact.torsion_arm
         for force, (pose, twist, acceleration) in zip(forces, hands, strict=False):
-            (slip_x, slip_z, slip), lever = _slip(state, pose, twist)
-            limit = contact.force_limit(force)
-            # Sliding: on the ellipsoid, its normal along -v.
-            speed = np.sqrt(slip_x**2 + slip_z**2 + slip**2)
-            turning = arm * slip
-            size = np.sqrt(slip_x**2 + slip_z**2 + turning**2)
-            scale = limit / np.maximum(size, 1e-300)
+            slip, lever = _slip(state, pose, twist)
+            limit, speed = contact.force_limit(force), np.sqrt((slip**2).sum(axis=0))
+            sliding = contact.faces * force * contact.sliding_wrench(slip)
             if self.half_band:
-                scale = scale * np.minimum(speed / self.half_band, 1.0)
+                sliding = sliding * np.minimum(speed / self.half_band, 1.0)
             # Sticking: the wrench that keeps the body with the hand, cut off at the surface.
             motion = HandMotion(pose[2], twist[2], *acceleration)
             h_x, h_z, h_t = pivot_wrench(body, gravity, motion, state[5], *lever)
             needed = np.sqrt(h_x**2 + h_z**2 + (h_t / arm) ** 2)
             share = np.minimum(limit / np.maximum(needed, 1e-300), 1.0)
-            slides = speed > self.dead_zone
-            f_x = np.where(slides, -scale * slip_x, share * h_x)
-            f_z = np.where(slides, -scale * slip_z, share * h_z)
-            torque = np.where(slides, -scale * arm * turning, share * h_t)
-            wrench = np.array([f_x, f_z, torque])
+            sticking = share * np.array([h_x, h_z, h_t])
+            wrench = np.where(speed > self.dead_zone, sliding, sticking)
             state = state + dt * _rates(body, gravity, state, wrench, lever)
             yield state, wrench
 
@@ -155,7 +148,7 @@ class ImplicitRelease:
             slip, lever = _slip(state, hand.pose[:, 0], hand.twist[:, 0])
             size = math.sqrt(slip @ slip)
             force = case.contact.faces * float(case.grip.force(t)) * min(size / self.half_band, 1.0)
-            return force * case.contact.sliding_wrench(slip) if size else np.zeros(3), lever
+            return force * case.contact.sliding_wrench(slip), lever
 
         spent = itertools.count(1)
 

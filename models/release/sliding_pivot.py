@@ -154,7 +154,7 @@ class SlidingPivot:
 
     def lost(self, state: Value) -> Value:
         """Whether the body has slid out of the pads before detach."""
-        limit = self.body.com_offset + LOST_SLIP
+        limit = abs(self.body.com_offset) + LOST_SLIP
         return state[0] * state[0] + state[1] * state[1] > limit * limit
 
     def friction(

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from ...core import AXES, FRAMES, LinkageC
@@ -72,13 +71,6 @@ class PlanarArm:
             if not 1 <= joint <= arm.joints:
                 raise ValueError(f"arm {arm.name}: has no joint {joint}")
         self._chain()
-
-    def full(self, q: ca.SX) -> ca.SX:
-        """All joint angles at azimuth 0 for the throwing joints' `q`."""
-        joints = ca.SX(ca.DM(list(self.arm.posture)))
-        for i, joint in enumerate(self.throwing_joints):
-            joints[joint - 1] = q[i]
-        return joints
 
     def link_angles(self, q: Value) -> list[Value]:
         """Angle of each link in the plane: the sum of the joints before it."""
@@ -154,11 +146,6 @@ class PlanarArm:
         *frames, flange, hand = self.placed(np.zeros(self.coordinates))
         hand[:3, 3] = flange[:3, 3]
         return [*map(read_only, (*frames, hand))]
-
-    def points(self, q: ca.SX) -> ca.SX:
-        """2 x n points (x, z) of the arm in the plane: joint frames, flange and TCP."""
-        frames = self.arm.frames(self.full(q))
-        return ca.horzcat(*[ca.vertcat(f[0, 3], f[2, 3]) for f in frames])
 
     def _chain(self) -> None:
         """The planar chain behind the Denavit-Hartenberg rows.

@@ -11,11 +11,10 @@ from typing import Any
 
 from ...problems import load_scene
 from .. import robot
-from ..cycle import is_cycle, read_cycle
+from ..cycle import is_cycle
 from ..planner import Planner
 from ..play import PlayPage, first_plan
 from ..rest import load_mujoco
-from ..result import read_plan
 from ..show import Panel, empty_page, open_browser, run_panel, save_in_space, serving
 from .common import (
     DONE,
@@ -138,24 +137,10 @@ def replay(options: argparse.Namespace) -> int:
     """
     load_mujoco("replay")
     prepare_out(options)
-    if is_cycle(options.plan):
-        return _replay_cycle(options)
-    with Progress("reading the plan") as progress:
-        throw = read_plan(options.plan)
-        progress.about(f"{throw.scene.name}: throwing in MuJoCo")
-        result = robot.replay(throw, restitution=options.restitution)
-    save_out(options, throw.scene.name, result.save)
-    print_result(options, result.to_dict(), result.summary() + written(options))
-    return DONE
-
-
-def _replay_cycle(options: argparse.Namespace) -> int:
-    """Simulate the throws of a cycle in MuJoCo."""
-    with Progress("reading the cycle") as progress:
-        cycle = read_cycle(options.plan)
-        progress.about(f"{cycle.name}: throwing in MuJoCo")
-        result = robot.replay_cycle(cycle, restitution=options.restitution)
-    save_out(options, cycle.name, result.save)
+    simulate = robot.replay_cycle if is_cycle(options.plan) else robot.replay
+    with Progress(f"{options.plan}: throwing in MuJoCo"):
+        result = simulate(options.plan, restitution=options.restitution)
+    save_out(options, options.plan, result.save)
     print_result(options, result.to_dict(), result.summary() + written(options))
     return DONE
 

@@ -1,7 +1,7 @@
 """Many picks and bins as one motion in the least time: throws, their order, what joins them; joints
 of hand poses."""
 
-from .connections import lifted_pose
+from .connections import at_rest, joined, lifted_pose, raised_pose
 from .cycle import Cycle, CycleStep, UnsolvedError
 from .files import CYCLE_FILES, gripper_commands, is_cycle, read_cycle, save_cycle
 from .inverse_kinematics import HandPose, inverse_kinematics

@@ -226,7 +226,7 @@ def direct(space: SpatialScene, start: State, goal: State) -> Iterator[Transfer]
             yield found
 
 
-def _raised_pose(space: SpatialScene, joints: Array) -> State:
+def raised_pose(space: SpatialScene, joints: Array) -> State:
     """Joints with the shoulder in the middle of its range: the arm upright."""
     limits, raised = space.kinematics.arm.limits, joints.copy()
     shoulder = space.kinematics.throwing_joints[0] - 1
@@ -237,7 +237,7 @@ def _raised_pose(space: SpatialScene, joints: Array) -> State:
 def by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple[Transfer, ...]]:
     """Motions by a raised pose, where they stop."""
     rest = start if not start.dq.any() else goal
-    middle = _raised_pose(space, rest.q)
+    middle = raised_pose(space, rest.q)
     ways = (list(direct(space, *ends)) for ends in ((start, middle), (middle, goal)))
     yield from itertools.product(*ways)
 
@@ -283,7 +283,7 @@ def _fastest(space: SpatialScene, start: State, goal: State) -> Iterator[Option]
 def _slower(space: SpatialScene, start: State, goal: State, *, held: bool) -> Iterator[Option]:
     """Motions slowed until the verdict allows them, direct and by a raised pose; then by shares of
     the limits, direct and by a lifted pose over the pick."""
-    middle = _raised_pose(space, (goal if start.dq.any() else start).q)
+    middle = raised_pose(space, (goal if start.dq.any() else start).q)
     for states, route in (((start, goal), DIRECT), ((start, middle, goal), RAISED)):
         try:
             parts = [

@@ -172,30 +172,25 @@ class Cycle(ReadOnly):
         )
         return tuple(itertools.chain(*found))
 
-    def _part(self, begin: int, end: int) -> Samples:
-        """The samples from one to another, both included."""
-        rows = slice(begin, end + 1)
-        return Samples(self.samples.q[rows], self.samples.dq[rows], self.samples.ddq[rows])
-
     def _findings(self) -> Iterator[Finding]:
-        empty_from, last = 0, len(self.samples.q) - 1
+        empty_from = 0
         for number, (step, throw) in enumerate(zip(self.steps, self.throws, strict=True)):
             # The hand may touch the object that it comes for, and later ones wait.
             space = among(step.space, self.waiting(number + 1))
             # With an empty hand until the object is held, with the object until the pads open.
             opens = math.floor(step.opening_time / TICK)
             for begin, end, held in ((empty_from, step.held, False), (step.held, opens, True)):
-                found = motion_verdict(space, self._part(begin, end), held=held)
+                found = motion_verdict(space, self.samples[begin : end + 1], held=held)
                 yield from _later(found.findings, begin)
             empty_from = math.ceil(step.detach_time / TICK)
             yield from _later(verdict(throw.among(space.scene.obstacle)).findings, step.join)
             flown = flight_findings(
-                step.space, throw, self._part(step.free, last), TICK * (step.free - step.join)
+                step.space, throw, self.samples[step.free :], TICK * (step.free - step.join)
             )
             yield from _later(flown, step.join)
         if self.steps:
             step = self.steps[-1]
-            found = motion_verdict(step.space, self._part(empty_from, last), held=False)
+            found = motion_verdict(step.space, self.samples[empty_from:], held=False)
             yield from _later(found.findings, empty_from)
             # Limits of the joints from rest to rest, also where the pads open.
             yield from self._joint_findings(step)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,9 @@ import numpy as np
 
 from ...models import Array
 from ...problems import InputError, check_arguments, scene_from_table
-from ...problems.files import filling, read_csv, read_text, write_json
-from ..result import write_table
-from ..throw import TICK, Samples
+from ...problems.files import filling, read_json, write_json
+from ..result import complete, read_samples, write_table
+from ..throw import TICK
 from .cycle import ORDERS, Cycle, CycleStep
 from .picture import draw_cycle
 
@@ -72,12 +71,7 @@ def read_cycle(path: str | Path) -> Cycle:
     """
     path = Path(path)
     path = path / "cycle.json" if path.is_dir() else path
-    try:
-        found = json.loads(read_text(path))
-    except (RecursionError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: is not JSON: {error}") from None
+    found = read_json(path)
     if not isinstance(found, dict) or "steps" not in found:
         raise InputError(f"{path}: is not a cycle file")
     if found.get("format") != FORMAT:
@@ -85,17 +79,15 @@ def read_cycle(path: str | Path) -> Cycle:
         raise InputError(f"{path}: a cycle file of version {version!r}, must be {FORMAT}")
     if found.get("status") != "solved":
         raise InputError(f"{path}: the cycle is not solved: it holds no motion")
-    try:
+    with complete(path, "is not a complete cycle file"):
         steps = tuple(_step(entry, found["arm"]) for entry in found["steps"])
         numbers = float(found["with_stops"]), {k: float(v) for k, v in found["time"].items()}
         name, order = str(found["jobs"]), str(found["order"])
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise InputError(f"{path}: is not a complete cycle file ({error!r})") from None
     if not steps or order not in ORDERS or steps[0].scene.arm is None:
         raise InputError(f"{path}: is not a complete cycle file")
-    samples = _samples(path.parent / "motion.csv", steps[0].scene.arm.joints)
+    joints = range(1, steps[0].scene.arm.joints + 1)
+    names = [f"{kind}{j}" for kind in ("q", "dq", "ddq") for j in joints]
+    samples = read_samples(path.parent / "motion.csv", names)
     moments = [getattr(step, moment) for step in steps for moment in MOMENTS]
     rising = all(a <= b for a, b in itertools.pairwise([0, *moments, len(samples.q) - 1]))
     if not rising or not all(TICK * s.join <= s.opening_time <= TICK * s.free for s in steps):
@@ -112,12 +104,3 @@ def _step(entry: dict[str, Any], arm: dict[str, Any]) -> CycleStep:
     return CycleStep(
         str(entry["pick"]), str(entry["bin"]), scene, **times[0], opening_time=times[1]
     )
-
-
-def _samples(path: Path, joints: int) -> Samples:
-    """All joints in motion.csv."""
-    names = [f"{kind}{j + 1}" for kind in ("q", "dq", "ddq") for j in range(joints)]
-    rows = read_csv("motion", str(path), None, ("t", *names))
-    if len(rows) < 2 or np.abs(rows[:, 0] - TICK * np.arange(len(rows))).max() > 1e-6:
-        raise InputError(f"{path}: t must go from 0 in steps of {TICK:g}")
-    return Samples(*np.split(rows[:, 1:], 3, axis=1))

@@ -31,7 +31,7 @@ from ..throw import (
     make_manipulator,
     transfer,
 )
-from .connections import Connection, CycleThrow, Option, at_rest, joined
+from .connections import Connection, CycleThrow, Option, at_rest, joined, still
 from .cycle import UnsolvedError
 from .inverse_kinematics import ALIKE, DOWN, HandPose, hand_poses, inverse_kinematics, joint_rates
 from .network import Network
@@ -316,17 +316,11 @@ def _sequence(
         pick, one = network.jobs.picks[number], network.places[place]
         opening = one.space.scene.gripper.profile().opening
         down, up = ways[2 * n], ways[2 * n + 1]
-        grasp = _still(down.q[0], pick.grasp_time)
-        waits = grasp, _still(up.q[0], opening)
-        parts += [waits[0], down, waits[1], up]
+        grasp = still(at_rest(down.q[0]), math.ceil(pick.grasp_time / TICK - 1e-9))
+        placed = still(at_rest(up.q[0]), math.ceil(opening / TICK - 1e-9))
+        parts += [grasp, down, placed, up]
         held = tick + len(grasp.q) - 1
         carried.append((held, held + len(down.q) - 1))
         steps.append((pick.name, one.bin))
-        tick = carried[-1][1] + len(waits[1].q) - 1 + len(up.q) - 1
+        tick = carried[-1][1] + len(placed.q) - 1 + len(up.q) - 1
     return Placing(joined(parts), tuple(steps), tuple(carried), refused)
-
-
-def _still(joints: Array, time: float) -> Samples:
-    """Samples at rest for a time [s]."""
-    q = np.tile(joints, (math.ceil(time / TICK - 1e-9) + 1, 1))
-    return Samples(q, 0.0 * q, 0.0 * q)

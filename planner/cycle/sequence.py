@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from ...problems import Jobs
-from ..throw import TICK, Samples
+from ..throw import TICK
 from .connections import Connection, CycleThrow, Option, joined, still
 from .cycle import Cycle, CycleStep, UnsolvedError
 
@@ -50,8 +50,7 @@ def sequence(
         way, back = _best(*enter), _best(*leave)
         reach, held = tick, held + wait
         join = held + len(way.samples.q) - 1
-        swing = slice(way.join, one.free + 1)
-        thrown = Samples(*(v[swing] for v in (one.samples.q, one.samples.dq, one.samples.ddq)))
+        thrown = one.samples[way.join : one.free + 1]
         parts += [still(state, held - tick), way.samples, thrown, back.samples]
         origin = TICK * (join - way.join)
         scene = one.throw.scene.aimed_at(target.at(origin + one.throw.landing_time))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -14,7 +15,7 @@ import numpy as np
 from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
 from ...problems import InputError, check_arguments, scene_from_table
-from ...problems.files import read_csv, read_text
+from ...problems.files import read_csv, read_json
 from ..show import over_time
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
 
@@ -105,15 +106,11 @@ def read_plan(path: str | Path) -> SavedThrow:
     if path.is_dir():
         path = path / "plan.json"
     plan = _plan_object(path)
-    try:
+    with complete(path, "is not a complete plan file"):
         scene = scene_from_table(plan["definition"])
         opening_time = float(plan["release"]["opening_time"])
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise InputError(f"{path}: is not a complete plan file ({error!r})") from None
     manipulator = make_manipulator(scene)
-    samples = _samples(path.parent / "motion.csv", manipulator)
+    samples = read_samples(path.parent / "motion.csv", _columns(manipulator))
     end = float(samples.times[-1])
     if not 0.0 <= opening_time <= end:
         raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
@@ -124,6 +121,17 @@ def read_plan(path: str | Path) -> SavedThrow:
     if scene.target is None or scene.target.velocity is None:
         return throw
     return dataclasses.replace(throw, scene=scene.aimed_at(scene.target.at(throw.landing_time)))
+
+
+@contextmanager
+def complete(path: Path, words: str) -> Iterator[None]:
+    """InputError, naming the path, in these words for what the block misses in a file."""
+    try:
+        yield
+    except InputError as error:
+        raise error.within(str(path)) from None
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise InputError(f"{path}: {words} ({error!r})") from None
 
 
 def check_overwrites(folder: Path) -> None:
@@ -139,13 +147,7 @@ def check_overwrites(folder: Path) -> None:
 
 def _json_plan(path: Path) -> dict[str, Any]:
     """The JSON object of a plan of any version and status."""
-    text = read_text(path)
-    try:
-        plan = json.loads(text)
-    except RecursionError:
-        raise InputError(f"{path}: is not JSON: nested too deep") from None
-    except ValueError as error:
-        raise InputError(f"{path}: is not JSON: {error}") from None
+    plan = read_json(path)
     if not isinstance(plan, dict) or "status" not in plan:
         raise InputError(f"{path}: is not a plan file")
     return plan
@@ -163,14 +165,17 @@ def _plan_object(path: Path) -> dict[str, Any]:
     return plan
 
 
-def _samples(path: Path, manipulator: Manipulator) -> Samples:
-    """The planned coordinates in motion.csv."""
+def _columns(manipulator: Manipulator) -> list[str]:
+    """The columns of motion.csv with the planned coordinates, their rates and accelerations."""
     kinematics = manipulator.kinematics
     if isinstance(kinematics, PlanarArm):
         joints = kinematics.throwing_joints
-        names = [f"{prefix}{j}" for prefix in ("q", "dq", "ddq") for j in joints]
-    else:
-        names = [name for row in HAND_COLUMNS for name in row[: manipulator.size]]
+        return [f"{prefix}{j}" for prefix in ("q", "dq", "ddq") for j in joints]
+    return [name for row in HAND_COLUMNS for name in row[: manipulator.size]]
+
+
+def read_samples(path: Path, names: Sequence[str]) -> Samples:
+    """Columns of a motion.csv: coordinates, then their rates, then their accelerations."""
     rows = read_csv("motion", str(path), None, ("t", *names))
     if len(rows) < 2 or np.abs(rows[:, 0] - TICK * np.arange(len(rows))).max() > 1e-6:
         raise InputError(f"{path}: t must go from 0 in steps of {TICK:g}")

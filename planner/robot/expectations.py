@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ...models import Array
@@ -67,10 +66,8 @@ class Expectations:
     def loads(self) -> dict[str, tuple[float, Array]]:
         """Mass [kg] of each object, and its CoM (3,) [m] in the frame of the flange."""
         arm = self.motion.arm
-        angles = ca.SX.sym("q", arm.joints)
-        frames = arm.frames(angles)
-        turn = ca.Function("turn", [angles], [frames[-2][:3, :3].T @ frames[-1][:3, :3]])
-        to_flange, pads = np.array(turn(self.motion.q[0])), np.array([0.0, 0.0, arm.tool.tcp])
+        *_, flange, hand = arm.placed(self.motion.q[0].tolist())
+        to_flange, pads = flange[:3, :3].T @ hand[:3, :3], np.array([0.0, 0.0, arm.tool.tcp])
         return {
             one.name: (one.throw.scene.object.mass, to_flange @ (pads + one.space.com_in_hand))
             for one in self.motion.carries

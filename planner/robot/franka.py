@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ...models import Array
@@ -67,18 +66,12 @@ class Franka:
     gripper: GripperLink
     binding: Any
 
-    @contextmanager
-    def errors(self) -> Iterator[None]:
-        """Turn errors of the binding into InputError: the controller's word and its cure."""
-        with _errors(self.host, self.binding):
-            yield
-
     def check(self, arm: Arm) -> tuple[Array, GripperState]:
         """The current joints [rad] and the gripper; InputError unless the robot is ready.
 
         Ready: of the plan's arm, idle, without errors, at rest, with a homed gripper.
         """
-        with self.errors():
+        with binding_errors(self.host, self.binding):
             state = self.robot.read_once()
         mode, errors = state.robot_mode.name, str(state.current_errors)
         if state.current_errors:
@@ -94,7 +87,8 @@ class Franka:
 
 
 @contextmanager
-def _errors(host: str, binding: Any) -> Iterator[None]:
+def binding_errors(host: str, binding: Any) -> Iterator[None]:
+    """Turn errors of the binding into InputError: the controller's word and its cure."""
     names = ("Franka", "Network", "Control", "Command", "InvalidOperation", "Realtime")
     try:
         yield
@@ -115,7 +109,7 @@ def connected(host: str) -> Iterator[Franka]:
     try:
         # The gripper first: its process can be ended.
         gripper.state()
-        with _errors(host, binding):
+        with binding_errors(host, binding):
             yield Franka(host, binding.Robot(host, config), gripper, binding)
     finally:
         gripper.close()
@@ -183,8 +177,7 @@ def check_hand(where: str | Path, motion: JointMotion) -> None:
 
 def _check_flange(host: str, arm: Arm, state: Any) -> None:
     """InputError unless robot and plan's arm have the flange in one place."""
-    q = ca.SX.sym("q", arm.joints)
-    flange = np.array(ca.Function("flange", [q], [arm.frames(q)[-2]])(state.q))
+    flange = arm.placed(state.q)[-2]
     hand, tool = (np.reshape(pose, (4, 4)).T for pose in (state.O_T_EE, state.F_T_EE))
     off = np.linalg.norm((hand @ np.linalg.inv(tool) - flange)[:3, 3])
     if off > 1e-3:

@@ -14,12 +14,11 @@ import numpy as np
 from ...models import Array, Trajectory
 from ...models.robot import Arm
 from ...problems import InputError
-from ..clearance import BAR
-from ..cycle import WAITS, lifted_pose
-from ..throw import TICK, Samples, joint_limits, within_limits
-from ..verdict import Code, Finding, collision
+from ..cycle import WAITS, at_rest, joined, lifted_pose, raised_pose
+from ..throw import TICK, Samples, State, arm_excesses, joint_limits, transfer
+from ..verdict import Code, motion_verdict
 from .expectations import Expectations, swept_bodies
-from .franka import STILL, Franka
+from .franka import STILL, Franka, binding_errors
 from .gripper import FORCES, GRASP_TOLERANCE, MOVED, OPEN_WIDTH, SPEED, GripperLink, GripperState
 from .learning import corrected
 from .motions import JointMotion
@@ -140,7 +139,7 @@ def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
     """
     gc.disable()
     try:
-        with franka.errors():
+        with binding_errors(franka.host, franka.binding):
             mode = franka.binding.ControllerMode.JointImpedance
             control = franka.robot.start_joint_position_control(mode)
             stream = _Stream(control, franka.binding.JointPositions)
@@ -274,52 +273,37 @@ def approach(motion: JointMotion, start: Array) -> Array:
     what stands around it. InputError if on all of them the arm breaks a limit, or arm or held bar
     would come too close to the floor, an obstacle, or each other.
     """
-    arm, goal = motion.arm, motion.q[0]
-    raised, shoulder = goal.copy(), arm.throwing_joints[0] - 1
-    raised[shoulder] = (arm.limits.position_min[shoulder] + arm.limits.position_max[shoulder]) / 2
-    straight = _straight(arm, start, goal)
-    collision_words = _collision(motion, straight)
-    if not collision_words:
-        return straight
-    above, over = (lifted_pose(motion.carries[0].space, q, ABOVE).q for q in (start, goal))
+    arm, space = motion.arm, motion.carries[0].space
+    now, goal = at_rest(start), at_rest(motion.q[0])
+    straight = _straight(arm, now, goal)
+    broken = _broken_words(motion, straight)
+    if not broken:
+        return straight.q
+    raised, above, over = (
+        raised_pose(space, goal.q),
+        *(lifted_pose(space, state.q, ABOVE) for state in (now, goal)),
+    )
     apart = _without_near(motion, start)
     for rising, *way in (motion, raised), (motion, over), (apart, above, over):
         # A way beyond the arm's limits is none.
         with contextlib.suppress(InputError):
-            first, *rest = (
-                _straight(arm, *ends) for ends in itertools.pairwise((start, *way, goal))
-            )
-            later = np.vstack([first[-1:], *(part[1:] for part in rest)])
-            if not (_collision(rising, first) or _collision(motion, later)):
-                return np.vstack([first, later[1:]])
+            first, *rest = (_straight(arm, *ends) for ends in itertools.pairwise((now, *way, goal)))
+            later = joined(rest)
+            if not (_broken_words(rising, first) or _broken_words(motion, later)):
+                return joined([first, later]).q
     raise InputError(
-        f"the way to the start pose is not clear: {collision_words}: guide the arm nearer to it"
+        f"the way to the start pose is not clear: {broken}: guide the arm nearer to it"
     )
 
 
-def _straight(arm: Arm, start: Array, goal: Array) -> Array:
-    """Joints (N, joints) from rest to rest within all limits; InputError if there are none."""
-    import ruckig
-
-    n, limits = arm.joints, joint_limits(arm, range(1, arm.joints + 1))
-    order, trajectory = ruckig.InputParameter(n), ruckig.Trajectory(n)
-    order.current_position, order.target_position = start.tolist(), goal.tolist()
+def _straight(arm: Arm, start: State, goal: State) -> Samples:
+    """All joints from rest to rest within all limits; InputError if there are none."""
+    limits = joint_limits(arm, range(1, arm.joints + 1))
     # Shares of the limits, halved until those that depend on the position hold.
     for share in 0.5 ** np.arange(6):
-        order.max_velocity = (0.2 * share * limits.dq).tolist()
-        order.max_acceleration = (0.1 * share * limits.ddq).tolist()
-        order.max_jerk = (0.1 * share * limits.jerk).tolist()
-        if ruckig.Ruckig(n).calculate(order, trajectory) != ruckig.Result.Working:
-            break
-        times = np.arange(0.0, trajectory.duration + TICK, TICK)
-        states = np.array([trajectory.at_time(min(t, trajectory.duration)) for t in times])
-        rows = np.moveaxis(states, 1, 0)
-        # Joint by joint: an arm may have more joints than the core takes at once.
-        if all(
-            within_limits(joint_limits(arm, [j + 1]), Samples(*rows[:, :, j : j + 1]))
-            for j in range(n)
-        ):
-            return states[:, 0]
+        found = transfer(limits, start, goal, 0.2 * share, 0.1 * share)
+        if found is not None and not arm_excesses(arm, found.samples):
+            return found.samples
     raise InputError("the way to the start pose breaks a limit: guide the arm nearer to it")
 
 
@@ -338,21 +322,11 @@ def _without_near(motion: JointMotion, start: Array) -> JointMotion:
     return dataclasses.replace(motion, carries=(alone, *motion.carries[1:]))
 
 
-def _collision(motion: JointMotion, q: Array) -> str:
-    """The first collision on a way (N, joints) to the start pose, in words; empty without one."""
-    carry, scene = motion.carries[0], motion.throw.scene
-    if motion.throw.manipulator.capsules is None:
-        return ""
-    # The core also measures the motion between these samples.
-    places = np.unique(np.append(np.arange(0, len(q), 10), len(q) - 1))
-    track = swept_bodies(carry, q[places], TICK * places, held=not motion.picks)
-    for found in carry.space.around.clearances(track):
-        return collision(found).words
-    floor = None if scene.workspace is None else scene.workspace.floor
-    if floor is None:
-        return ""
-    clearance = track.ends[-1, :, 2].min(axis=0) - track.radius[-1] - floor
-    # At the start of a throw the capsule around the bar may be below the floor.
-    lowest = (clearance - min(clearance[-1], 0.0)).min()
-    body = "arm" if motion.picks else BAR
-    return "" if lowest >= -1e-6 else Finding(Code.FLOOR, floor + lowest, floor, body=body).words
+def _broken_words(motion: JointMotion, way: Samples) -> str:
+    """A limit that a way to the start pose breaks, in words, a collision if there is one; empty if
+    it breaks none. The base column is for throws: here the arm's own links are kept clear."""
+    space, held = motion.carries[0].space, not motion.picks
+    broken = motion_verdict(space, way, held=held, loads=False).broken
+    counted = [found for found in broken if found.code is not Code.COLUMN]
+    counted.sort(key=lambda found: found.code is not Code.COLLISION)
+    return counted[0].words if counted else ""

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 
 from ...models import Array, ReadOnly
@@ -254,6 +253,5 @@ def is_franka(arm: Arm) -> bool:
     its = load_arm("fr3")
     if arm.joints != its.joints:
         return False
-    q = ca.SX.sym("q", arm.joints)
-    flanges = ca.Function("flanges", [q], [arm.frames(q)[-2] - its.frames(q)[-2]])
-    return bool(np.abs(np.array(flanges(np.linspace(-1.0, 1.0, arm.joints)))).max() < 1e-3)
+    q = np.linspace(-1.0, 1.0, arm.joints).tolist()
+    return bool(np.abs(arm.placed(q)[-2] - its.placed(q)[-2]).max() < 1e-3)

@@ -195,17 +195,8 @@ def _add_grip(spec: Any, scene: Scene, number: int, pads: list[str], step: float
 
 
 def thickness(scene: Scene) -> float:
-    """Distance [m] of the pads that hold the object, at least 1 mm: of an outline twice the radius
-    of the capsule whose axis is nearest to them."""
-    bar = scene.object
-    if not bar.outline:
-        return max(bar.width, 1e-3)
-    held = np.array([scene.grasp.offset, 0.0])
-    begin, end = bar.capsules[:, :2], bar.capsules[:, 2:4]
-    along = end - begin
-    share = ((held - begin) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
-    nearest = begin + np.clip(share, 0.0, 1.0)[:, None] * along
-    return float(2 * bar.capsules[np.linalg.norm(nearest - held, axis=1).argmin(), 4])
+    """Distance [m] of the pads that hold the object, at least 1 mm."""
+    return max(scene.object.thickness_at(scene.grasp.offset), 1e-3)
 
 
 def grasp_pose(scene: Scene) -> Array:

@@ -11,7 +11,7 @@ from functools import partial
 
 from ...models import Array
 from ...problems import InputError
-from ..throw import TICK, Samples, braked, joint_limits
+from ..throw import TICK, braked, joint_limits
 from ..verdict import motion_verdict
 from .gripper import MOVED, SPEED, GripperLink, GripperState
 from .motions import Carry, JointMotion
@@ -202,8 +202,7 @@ def find_stops(motion: JointMotion) -> list[Stop]:
     end = STOPS + (last.open.cycle if last.due is None else last.due + NOTICE)
     for carry, part in motion.parts():
         for sample in range(-(-part.start // STOPS) * STOPS, min(part.stop, end), STOPS):
-            row = slice(sample, sample + 1)
-            brake = braked(limits, Samples(motion.q[row], motion.dq[row], motion.ddq[row]))
+            brake = braked(limits, motion.samples[sample : sample + 1])
             if motion_verdict(carry.space, brake, held=True, loads=False).ok:
                 found.append(Stop(sample, brake.q[1:]))
     return found

@@ -76,10 +76,10 @@ class ThrowFamily:
     def _fixed(self) -> MoveC:
         """The arguments that are equal for all moves."""
         scene, limits = self._scene, self._manipulator.hard.core
-        release, turned = release_numbers(scene, self._manipulator)
+        release = release_numbers(scene, self._manipulator)
         found = self._controls.core.copy()
         found.surface, found.throws = scene.tolerance.model == STEPPED_SURFACE, THROWS
-        found.nearer, found.gravity, found.turned = MIN_PROGRESS, scene.gravity, turned
+        found.nearer, found.gravity = MIN_PROGRESS, scene.gravity
         found.attach(limits=limits if self._arm else None, release=release)
         return found
 

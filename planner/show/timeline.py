@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 
 from ...models import Array, HandMotion, Indices, pivot_wrench
-from ...models.robot import PlanarArm
+from ...models.robot import PlanarArm, SpatialArm
 from ..clearance import bar_outline, held_bar
 from ..rest import rest_motion
 from ..throw import TICK, Manipulator
@@ -131,8 +130,6 @@ def arm_points(manipulator: Manipulator, q: Array) -> Array | None:
     kinematics = manipulator.kinematics
     if not isinstance(kinematics, PlanarArm):
         return None
-    angles = ca.SX.sym("q", manipulator.size)
-    points = ca.horzcat(ca.DM.zeros(2, 1), kinematics.points(angles))
-    count = q.shape[1]
-    values = np.array(ca.Function("points", [angles], [points]).map(count)(q))
-    return values.reshape(2, count, -1).transpose(1, 0, 2)
+    frames = SpatialArm(kinematics.arm).frames(kinematics.all_joints(q.T))
+    pads = manipulator.motion(q, 0 * q, 0 * q)[0]
+    return np.dstack([frames[:, :, [0, 2], 3].transpose(1, 2, 0), pads[:2].T])

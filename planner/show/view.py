@@ -11,13 +11,13 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array, Indices
-from ...models.robot import Arm, DHRow, placement, segment_distance
+from ...models.robot import Arm, DHRow, placement
 from ...problems.meshes import read_stl
 from .style import ARM, BLACK, PHASES
 from .view_throw import SpaceThrow
 
 if TYPE_CHECKING:
-    from ...problems import Pose, Scene, ThrownObject
+    from ...problems import Pose, ThrownObject
 
 
 #: Colour of links.
@@ -83,7 +83,8 @@ class ObjectView:
         self, server: Any, throw: SpaceThrow, root: str = "", with_target: bool = True
     ) -> None:
         self.server, self.throw, self.scene, self.root = server, throw, server.scene, root
-        self.half_thickness = max(half_thickness(throw.scene), SHAPES.min_half)
+        thickness = throw.scene.object.thickness_at(throw.scene.grasp.offset)
+        self.half_thickness = max(thickness / 2, SHAPES.min_half)
         self.faded, self._bodies = False, list[Any]()
         if with_target:
             self._draw_target()
@@ -355,15 +356,3 @@ def _capsule(row: Array) -> Array:
     # The half of a ball towards either end: stretched between them.
     ahead = ball.vertices @ (end - begin) >= 0.0
     return np.asarray((ball.vertices + np.where(ahead[:, None], end, begin))[ball.faces.ravel()])
-
-
-def half_thickness(scene: Scene) -> float:
-    """Half the thickness [m] of the object between the pads."""
-    bar = scene.object
-    if not bar.outline:
-        return bar.width / 2
-    grasp = np.array([scene.grasp.offset, 0.0, 0.0])
-    ends = np.insert(bar.capsules[:, :4].reshape(-1, 2, 2), 2, 0.0, axis=2)
-    point = np.broadcast_to(grasp, (len(ends), 3))
-    away = segment_distance(point, point, ends[:, 0], ends[:, 1])
-    return float(bar.capsules[np.argmin(away - bar.capsules[:, 4]), 4])

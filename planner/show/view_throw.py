@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 
 from ...models import Array
-from ...models.robot import PlanarArm
+from ...models.robot import PlanarArm, SpatialArm
 from .drawings import cup_profile
 from .timeline import Timeline, timeline
 
@@ -92,16 +91,8 @@ def space_throw(throw: Throw) -> SpaceThrow:
     line, plane = timeline(throw), throw.target.plane
     hand, bar = plane.poses(line.hand), plane.poses(line.com)
     joints = np.empty((len(line.times), 0, 4, 4))
-    if isinstance(throw.manipulator.kinematics, PlanarArm):
-        joints = _joint_frames(throw, throw.manipulator.kinematics, line.times)
+    arm = throw.manipulator.kinematics
+    if isinstance(arm, PlanarArm):
+        q = arm.all_joints(throw.path.at(line.times).pose.T, plane.azimuth)
+        joints = SpatialArm(arm.arm).frames(q)[1:-1].swapaxes(0, 1)
     return SpaceThrow(throw, line, hand, bar, joints)
-
-
-def _joint_frames(throw: Throw, kinematics: PlanarArm, times: Array) -> Array:
-    """The arm's frames (N, n, 4, 4) after each joint."""
-    arm, moving = kinematics.arm, throw.path.at(times).pose.T
-    joints = kinematics.all_joints(moving, throw.target.plane.azimuth)
-    q = ca.SX.sym("q", arm.joints)
-    function = ca.Function("frames", [q], [ca.horzcat(*arm.frames(q)[: arm.joints])])
-    values = np.array(function.map(len(times))(joints.T))
-    return values.reshape(4, len(times), arm.joints, 4).transpose(1, 2, 0, 3)

@@ -14,7 +14,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, Body, Contact, FlightLaw, HandTrack, MovedHand, ReadOnly, Trajectory
+from ...models import (
+    Array,
+    Body,
+    Contact,
+    FlightLaw,
+    HandTrack,
+    MovedHand,
+    ReadOnly,
+    Trajectory,
+    low_pass,
+)
 from ...models.release import (
     BATCH_MODELS,
     MODELS,
@@ -85,7 +95,8 @@ def recorded_joints(
     kinematics, throwing = PlanarArm(arm), planar_joints(arm, joints)
     if not times[0] <= opening_time < times[-1]:
         raise ValueError(f"opening_time {opening_time:g} s is outside the recording")
-    path = Trajectory.recorded(times, throwing, cutoff).shifted(opening_time)
+    # The processing of Liu and Billard, section VI-A.
+    path = Trajectory.through(*low_pass(times, throwing, cutoff)).shifted(opening_time)
     return MovedHand(path, hand_motion(kinematics), kinematics.core)
 
 

@@ -14,7 +14,6 @@ from .sending import (
     braked,
     excesses,
     send,
-    within_limits,
 )
 from .throw import (
     CARRY_STEP,

@@ -11,7 +11,7 @@ from ...models import Array, Body, FlightState, Indices, ReadOnly, Trajectory
 from ...models.release import MODELS, STEPPED_SURFACE, BatchRelease, ReleaseBatch, exact_detaches
 from ...problems import Pose, Scene
 from .manipulator import HandError
-from .throw import Throw, turn_of
+from .throw import Throw
 
 #: Longest cell [s] of the hand's tabulated motion.
 CELL = 1e-4
@@ -134,7 +134,6 @@ class ThrowBatch:
         com_offset = com - columns["grasp_offset"]
         error = np.column_stack([columns[name] for name in HAND])
         start = release.detach.copy()
-        start[:, 2] -= turn_of(com_offset)
         # Friction depends on relative motion only: a constant error of the hand's place or
         # velocity moves the whole release.
         start[:, :2] += error[:, :2] + error[:, 3:5] * opening[:, None]
@@ -152,7 +151,7 @@ class ThrowBatch:
         )
 
     def releases(self, columns: dict[str, Array]) -> ReleaseBatch:
-        """The releases; a body whose CoM is behind the pads is turned by half a turn."""
+        """The releases of throws with these parameters."""
         scene, friction = self.scene, columns["friction"]
         profile = scene.gripper.profile()
         hands = self.hands.shifted(columns["delay"] - self.mean_delay)
@@ -162,14 +161,14 @@ class ThrowBatch:
         com_offset = columns["com_offset"] + scene.grasp.offset - columns["grasp_offset"]
         return ReleaseBatch(
             count=friction.size,
-            body=Body(columns["mass"], columns["inertia"], np.abs(com_offset)),
+            body=Body(columns["mass"], columns["inertia"], com_offset),
             contact=replace(scene.patch, friction=friction, patch_radius=columns["patch_radius"]),
             grip=profile,
             hands=hands,
             opening=columns["opening"],
             force=np.full(friction.size, profile.full),
             gravity=scene.gravity,
-            grasp_angle=columns["grasp_angle"] + columns["hand_theta"] + turn_of(com_offset),
+            grasp_angle=columns["grasp_angle"] + columns["hand_theta"],
         )
 
     def one(self, values: Array) -> Throw:

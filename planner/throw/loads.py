@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -83,7 +84,7 @@ def torques_of(scene: Scene, manipulator: Manipulator, path: Trajectory, opening
     assert limits is not None
     hand = manipulator.hand(path).at(times)
     load = held_wrench(scene.body, scene.gravity, hand.motion, scene.grasp.angle)
-    held, free = (_torques(scene, manipulator, path, times, on).T for on in (load, None))
+    held, free = (_torques(scene, manipulator, path.at(times), on).T for on in (load, None))
     return Torques(times, held, free, opening, opening + scene.gripper.profile().opening, limits)
 
 
@@ -92,9 +93,10 @@ def load_torques(
 ) -> tuple[Array, Array]:
     """Torques (n, K) [N m] with an empty hand at times (K,) [s], and how they grow (3, n, K) with
     force along x, along z [per N] and torque [per N m] that the hand gives to an object."""
-    free = _torques(scene, manipulator, path, times, None)
+    motion = path.at(times)
+    free = _torques(scene, manipulator, motion, None)
     units = np.eye(3)[..., None] * np.ones(len(times))
-    return free, np.array([_torques(scene, manipulator, path, times, u) - free for u in units])
+    return free, np.array([_torques(scene, manipulator, motion, u) - free for u in units])
 
 
 def rest_torques(scene: Scene, manipulator: Manipulator, q: Array, *, held: bool) -> Array:
@@ -105,19 +107,15 @@ def rest_torques(scene: Scene, manipulator: Manipulator, q: Array, *, held: bool
     if held:
         hand = HandSamples(np.zeros(q.shape[1]), *manipulator.motion(q, still, still))
         load = held_wrench(scene.body, scene.gravity, hand.motion, scene.grasp.angle)
-    kinematics = manipulator.kinematics
-    assert isinstance(kinematics, PlanarArm)
-    angles, rates, turns = map(kinematics.link_angles, (q, still, still))
-    return np.array(_dynamics(kinematics).torques(angles, rates, turns, scene.gravity, load))
+    return _torques(scene, manipulator, (q, still, still), load)
 
 
-def _torques(
-    scene: Scene, manipulator: Manipulator, path: Trajectory, times: Array, load: Any
-) -> Array:
-    """Torques (n, K) [N m] at times (K,) [s]; load: as of `PlanarDynamics.torques`."""
+def _torques(scene: Scene, manipulator: Manipulator, motion: Iterable[Array], load: Any) -> Array:
+    """Torques (n, K) [N m] for coordinates, rates and accelerations, each (n, K); load: as of
+    `PlanarDynamics.torques`."""
     kinematics = manipulator.kinematics
     assert isinstance(kinematics, PlanarArm)
-    angles, rates, turns = map(kinematics.link_angles, path.at(times))
+    angles, rates, turns = map(kinematics.link_angles, motion)
     torques = _dynamics(kinematics).torques(angles, rates, turns, scene.gravity, load)
     return np.array(torques)
 

@@ -8,7 +8,6 @@ from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from ...core import LimitsC, library
@@ -206,14 +205,9 @@ def _check_plane(kinematics: PlanarArm) -> None:
 
     Checked with the arm's 3-D kinematics at random postures; the axis is the base's z axis.
     """
-    arm, q = kinematics.arm, ca.SX.sym("q", kinematics.coordinates)
-    every = ca.SX.sym("every", arm.joints)
-    pads = ca.Function("pads", [every], [arm.frames(every)[-1]])
-    full = ca.Function("full", [q], [kinematics.full(q)])
-    random = np.random.default_rng(0)
+    arm, random = kinematics.arm, np.random.default_rng(0)
     for value in random.uniform(-2, 2, (4, kinematics.coordinates)):
-        joints = np.array(full(value)).ravel()
-        here, azimuth = np.array(pads(joints)), random.uniform(-2, 2)
+        here, azimuth = kinematics.placed(value)[-1], random.uniform(-2, 2)
         across = min(abs(here[1, 1]), 1.0)
         if across < SQUARE:
             askew = math.degrees(math.acos(across))
@@ -221,10 +215,10 @@ def _check_plane(kinematics: PlanarArm) -> None:
                 f"arm {arm.name}: posture holds the pads {askew:.1f} deg askew: they must close "
                 "across the throwing plane"
             )
-        joints[arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
+        turned = arm.placed(kinematics.all_joints(value, azimuth).tolist())[-1]
         turn = np.eye(4)
         turn[:3, :3] = about_z(azimuth)
-        if np.abs(np.array(pads(joints)) - turn @ here).max() > ROUNDING:
+        if np.abs(turned - turn @ here).max() > ROUNDING:
             raise ValueError(
                 f"arm {arm.name}: azimuth_joint = {arm.azimuth_joint} does not turn the throwing "
                 "plane about the base's z axis"

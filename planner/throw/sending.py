@@ -151,11 +151,6 @@ def joint_excesses(limits: Limits, names: tuple[str, ...], sent: Samples) -> lis
     return list(found.values())
 
 
-def within_limits(limits: Limits, sent: Samples) -> bool:
-    """Whether samples and their differences keep the limits."""
-    return not (_excess(limits, sent)[..., 0] > 0.0).any()
-
-
 def _excess(limits: Limits, sent: Samples) -> Array:
     """Largest excess (5, n, 4) of samples and their differences over the limits, then its value,
     limit and time [s]; rows as in `KINDS`."""

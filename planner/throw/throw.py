@@ -125,13 +125,12 @@ class Throw:
 
         Friction depends on relative motion only: the error moves the whole release.
         """
-        turn, error = turn_of(self.scene.com_offset), self.error
-        if not turn and not any(error):
+        error = self.error
+        if not any(error):
             return released
         com, twist = released.com.copy(), released.com_twist.copy()
         com[0] += error.x + error.v_x * released.times
         com[1] += error.z + error.v_z * released.times
-        com[2] -= turn
         twist[:2] += np.array([[error.v_x], [error.v_z]])
         return replace(released, com=com, com_twist=twist)
 
@@ -385,19 +384,11 @@ def case_of(scene: Scene, hand: HandTrack, hand_error: float = 0.0) -> ReleaseCa
 
     hand_error [rad]: of the hand's angle; as the pads are round, it adds to the grasp angle.
     """
-    body, grip = replace(scene.body, com_offset=abs(scene.com_offset)), scene.gripper.profile()
-    angle = scene.grasp.angle + hand_error + turn_of(scene.com_offset)
-    return ReleaseCase(body, scene.patch, grip, hand, scene.gravity, angle)
+    angle, grip = scene.grasp.angle + hand_error, scene.gripper.profile()
+    return ReleaseCase(scene.body, scene.patch, grip, hand, scene.gravity, angle)
 
 
-def release_numbers(scene: Scene, manipulator: Manipulator) -> tuple[ReleaseC, float]:
-    """A scene's release for the core, its motion and delay left open, and how far the object is
-    turned against it [rad]."""
+def release_numbers(scene: Scene, manipulator: Manipulator) -> ReleaseC:
+    """A scene's release for the core, its motion and delay left open."""
     rest = Trajectory.accelerating(np.zeros(manipulator.size))
-    return compiled_release(case_of(scene, manipulator.hand(rest))), turn_of(scene.com_offset)
-
-
-def turn_of(com_offset: Any) -> Any:
-    """Angle [rad] by which release models see a bar turned: a CoM behind the pads (com_offset [m]
-    below 0) is one ahead of them on a bar turned round."""
-    return math.pi * (com_offset < 0.0)
+    return compiled_release(case_of(scene, manipulator.hand(rest)))

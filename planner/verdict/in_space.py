@@ -173,9 +173,9 @@ def _clearances(space: SpatialScene, samples: Samples, held: bool) -> list[Clear
     pairs = list[Clearance]()
     for step in (PLACES, 1):
         rows = np.unique(np.append(np.arange(0, len(samples.q), step), len(samples.q) - 1))
-        q, dq, ddq = samples.q[rows], samples.dq[rows], samples.ddq[rows]
-        bar = space.held_ends(space.spatial.pads(q, dq, ddq)) if held else None
-        pairs = space.around.clearances(space.bodies(q, TICK * rows, bar))
+        few = samples[rows]
+        bar = space.held_ends(space.spatial.pads(*few.rows)) if held else None
+        pairs = space.around.clearances(space.bodies(few.q, TICK * rows, bar))
         if not pairs:
             break
     return pairs

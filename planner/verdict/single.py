@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import astuple
 from itertools import pairwise
 
-import casadi as ca
 import numpy as np
 
 from ...core import SamplesC, library
@@ -99,7 +98,7 @@ def _stiff_parts(kinematics: PlanarArm) -> Array:
     turning, joints = (arm.azimuth_joint, *kinematics.throwing_joints), list(arm.posture)
     for joint in turning:
         joints[joint - 1] = 0.0
-    frames = [np.array(ca.evalf(frame)) for frame in arm.frames(ca.SX(ca.DM(joints)))]
+    frames = arm.placed(joints)
     at = [np.eye(4), *(frames[joint - 1] for joint in turning), frames[-1]]
     return np.array([np.linalg.solve(before, after) for before, after in pairwise(at)])
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 
-import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
 from builders import nlp_of, varied
+from throwplan.models.robot import SpatialArm
 from throwplan.planner.samples import ReleaseSampler
 from throwplan.planner.throw import make_manipulator
 from throwplan.planner.verdict import Code, verdict
@@ -25,14 +25,12 @@ def fastest(plan: tp.Plan) -> float:
 
     Their places come from the arm's whole chain of frames, not from the planar one.
     """
-    throw, manipulator, arm = plan.throw, plan.manipulator, plan.scene.arm
-    q = ca.SX.sym("q", manipulator.size)
-    frames = arm.frames(manipulator.kinematics.full(q))
-    places = ca.Function("places", [q], [ca.vertcat(frames[-2][:3, 3], frames[-1][:3, 3])])
-    motion = throw.samples.path
-    times = np.arange(0.0, motion.end, STEP)
-    moved = np.diff(np.array(places(motion.at(times).pose)), axis=1) / STEP
-    return float(max(np.linalg.norm(part, axis=0).max() for part in (moved[:3], moved[3:])))
+    motion, arm = plan.throw.samples.path, plan.scene.arm
+    q = plan.manipulator.kinematics.all_joints(motion.at(np.arange(0.0, motion.end, STEP)).pose.T)
+    flange = SpatialArm(arm).frames(q)[-1]
+    pads = flange[:, :3, 3] + arm.tool.tcp * flange[:, :3, 2]
+    moved = np.diff([flange[:, :3, 3], pads], axis=1) / STEP
+    return float(np.linalg.norm(moved, axis=2).max())
 
 
 @pytest.fixture(scope="module")

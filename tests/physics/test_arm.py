@@ -73,15 +73,6 @@ def test_planar_chain_is_the_arm_in_its_plane(adam, planar, throwing):
     np.testing.assert_allclose([np.cos(theta), 0.0, np.sin(theta)], pose[:3, 2], atol=1e-9)
 
 
-def test_points_are_the_frames_in_the_plane(adam):
-    q = ca.SX.sym("q", 3)
-    points = ca.Function("points", [q], [PlanarArm(PANDA).points(q)])
-    throwing = [0.4, -1.9, 2.2]
-    for link, i in LINKS.items():
-        pose = pose_of(adam, all_joints(throwing), link)
-        np.testing.assert_allclose(np.array(points(throwing))[:, i], pose[[0, 2], 3], atol=1e-9)
-
-
 def test_hand_angle_is_unwrapped(planar):
     sweep = np.linspace(0.0, 4 * np.pi, 400)
     theta = np.array([float(planar([q, 0, 0], 0, 0)[0][2]) for q in sweep])

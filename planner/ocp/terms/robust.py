@@ -16,13 +16,13 @@ patch radius, mass, CoM and grasp.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import casadi as ca
 import numpy as np
 
-from ....models import FlightState
+from ....models import FlightState, held_wrench
 from ....problems import Robust
 from ..problem import land
 from ..request import Request
@@ -85,13 +85,10 @@ class Quiet(SceneConstraint):
 def _loads(interval: Interval) -> list[list[ca.SX]]:
     """(b_x, b_z, arm * alpha) [m/s^2] at two points of an interval."""
     ocp, arm = interval.ocp, interval.p("quiet_arm")
-    h, loads = ocp.body.com_offset, []
+    loads, unit = [], replace(ocp.body, mass=1.0)
     for node in NODES:
-        pose, _, hand = interval.hand_at(node)
-        theta = pose[2] + ocp.grasp_angle
-        x_r, z_r = h * ca.cos(theta), h * ca.sin(theta)
-        b_x = hand.a_x - hand.alpha * z_r - hand.omega**2 * x_r
-        b_z = hand.a_z + hand.alpha * x_r - hand.omega**2 * z_r + ocp.gravity
+        hand = interval.hand_at(node)[2]
+        b_x, b_z, _ = held_wrench(unit, ocp.gravity, hand, ocp.grasp_angle)
         loads.append(interval.stage.lift(b_x, b_z, arm * hand.alpha))
     return loads
 
