@@ -180,29 +180,48 @@ class Library:
         within: float,
     ) -> Iterator[Neighbour]:
         """Of the records of numbers `rows` (N,) with their landings (3, N), the nearest."""
-        if not len(rows) or (target.theta is not None) != self.angle:
+        if (target.theta is not None) != self.angle:
             return
-        x, theta, _ = landings
-        full = np.zeros_like(x)
-        if target.theta is not None and turns == "any":
-            full = 2 * math.pi * np.round((theta - target.theta) / (2 * math.pi))
-        away = self._scene.object.pose_error(*target.miss(x, theta - full))
-        count = min(count, len(away))
-        # NaN, of throws that do not come down there, is last.
-        nearest = np.argpartition(away, count - 1)[:count]
-        if target.is_region:
-            # Of the throws that land in a region, the cheapest come first.
-            nearest = np.lexsort((self.records["effort"][rows], away))[:count]
-        nearest = nearest[np.argsort(away[nearest], kind="stable")]
-        for i in nearest:
-            if not away[i] < within:
+        # Of the throws that land in a region, the cheapest come first.
+        cost = self.records["effort"][rows] if target.is_region else None
+        for i, goal, away in nearest_landings(self._scene, target, turns, landings, count, cost):
+            if not away < within:
                 return
-            yield Neighbour(
-                optimum_in(self.records[rows[i]]),
-                target.turned(float(full[i])) if full[i] else target,
-                (float(x[i]), float(theta[i])),
-                float(away[i]),
-            )
+            landing = float(landings[0, i]), float(landings[1, i])
+            yield Neighbour(optimum_in(self.records[rows[i]]), goal, landing, away)
+
+
+def nearest_landings(
+    scene: Scene,
+    target: Pose,
+    turns: Turns,
+    landings: Array,
+    count: int,
+    cost: Array | None = None,
+) -> list[tuple[int, Pose, float]]:
+    """(row, goal, pose error [m] (39)) of the `count` landings nearest to a target, nearest first.
+
+    landings (3, N): x [m], theta [rad], flight time [s]; a row with NaN does not come down, and is
+    left out. With turns 'any' a row's goal is the target at the full turns nearest to its landing.
+    cost (N,): of landings that are equally near, as in a region, the least comes first.
+    """
+    x, theta, _ = landings
+    full = np.zeros_like(x)
+    if target.theta is not None and turns == "any":
+        full = 2 * math.pi * np.round((theta - target.theta) / (2 * math.pi))
+    away = scene.object.pose_error(*target.miss(x, theta - full))
+    found = np.arange(len(away))
+    if cost is not None:
+        found = np.lexsort((cost, away))[:count]
+    elif count < len(away):
+        found = np.argpartition(away, count - 1)[:count]
+    # NaN comes last.
+    found = found[np.argsort(away[found], kind="stable")]
+    return [
+        (int(i), target.turned(float(full[i])) if full[i] else target, float(away[i]))
+        for i in found
+        if math.isfinite(away[i])
+    ]
 
 
 def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:

@@ -28,7 +28,7 @@ STARTS_AMONG = (("fatrop", 16), ("ipopt", 2))
 REGION_STARTS = 8
 #: Nearest sampled throws of which starts are chosen, and of which collisions with obstacles are
 #: checked.
-NEAR, CLEARED = 200, 40
+NEAR, CLEARED = 400, 40
 #: Two releases differ if a coordinate does by this share of its range among the near ones.
 DIFFERENT = 0.25
 #: Most sampled throws that are judged.
@@ -56,34 +56,35 @@ class Candidates:
 
     @cached_property
     def different(self) -> list[tuple[int, Pose, float]]:
-        """Near landings of releases whose coordinates differ, as different motions reach a target.
+        """Near landings, first of releases whose coordinates differ, as different motions reach a
+        target.
 
-        With obstacles, those of `CLEARED` that are least deep in one come first.
+        With obstacles, of the first `CLEARED` those that are least deep in one come first.
         """
-        task, scene, chosen = self.task, self.task.scene, list[int]()
-        count = CLEARED if scene.obstacle else NEAR
-        found = starts(self.releases, scene, task.target, task.turns, count)
-        if scene.obstacle:
-            with task.clock("guess"):
-                depths = [
-                    in_obstacles(scene, self.manipulator, self.releases, i) for i, *_ in found
-                ]
-            deep = [far + depth for (*_, far), depth in zip(found, depths, strict=True)]
-            found = [found[i] for i in np.argsort(deep)]
+        task, scene = self.task, self.task.scene
+        found = starts(self.releases, scene, task.target, task.turns, NEAR)
         q = self.releases.q[[index for index, *_ in found]]
         apart = DIFFERENT * np.ptp(q, axis=0) if len(q) else 0.0
-        for k in range(len(found)):
-            if (np.abs(q[chosen] - q[k]) > apart).any(axis=1).all():
-                chosen.append(k)
+        chosen, free = list[int](), np.ones(len(q), bool)
+        while free.any():
+            chosen.append(int(free.argmax()))
+            free &= (np.abs(q - q[chosen[-1]]) > apart).any(axis=1)
         others = sorted(set(range(len(found))) - set(chosen))
-        return [found[k] for k in (*chosen, *others)]
+        found = [found[k] for k in (*chosen, *others)]
+        if not scene.obstacle:
+            return found
+        with task.clock("guess"):
+            near = found[:CLEARED]
+            depths = [in_obstacles(scene, self.manipulator, self.releases, i) for i, *_ in near]
+        deep = [far + depth for (*_, far), depth in zip(near, depths, strict=True)]
+        return [*(near[i] for i in np.argsort(deep)), *found[CLEARED:]]
 
     @cached_property
     def arriving(self) -> Candidates:
         """The releases that clear arm and column, land on the target's side of it, and enter a cup
         at their landing. A condition that no release meets is ignored."""
         scene, target, releases = self.task.scene, self.task.target, self.releases
-        landing = np.column_stack(releases.landings(target.z, scene.flight))
+        landing = releases.landings(target.z, scene.flight).T
         good = np.isfinite(landing[:, 2])
         for holds in _arrivals(scene, target, releases, landing):
             good = good & holds if (good & holds).any() else good
