@@ -37,10 +37,6 @@ class Releases(ReadOnly):
         one."""
         return _landings(self, height, flight)
 
-    def flight_time(self, index: int, height: float, flight: FlightLaw) -> float:
-        """Time [s] that release `index` flies down to `height`; NaN if it does not."""
-        return float(self.landings(height, flight)[2][index])
-
     def picked(self, chosen: npt.NDArray[Any]) -> Releases:
         """Some of the releases: flags (N,) or indices."""
         return Releases(*(getattr(self, name)[chosen] for name in ARRAYS))

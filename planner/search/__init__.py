@@ -6,7 +6,7 @@ from .candidates import release_start
 from .context import SearchContext, are_equal
 from .continuation import SqpContinuation
 from .failure import check_contradictions, contradiction, nothing_found
-from .guess import guess_from, initial_guess_from, remaining_throw, remaining_trajectory
+from .guess import initial_guess_from, remaining_throw, remaining_trajectory
 from .history import Approach, Entry, History, Solve
 from .loop import find_throws
 from .move import (

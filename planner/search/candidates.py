@@ -12,11 +12,13 @@ import numpy as np
 
 from ...models import Array, Flags
 from ...problems import Pose, Scene
+from ..ocp import Request
+from ..result import PlannedThrow
 from ..samples import Releases, flies_past_column, in_obstacles, sampled_throw, starts
 from ..throw import Manipulator, column_of
 from ..verdict import lands_well, verdict
 from .attempt import Start
-from .guess import guess_from
+from .guess import initial_guess_from
 from .nlp_cache import NlpCache, Task
 
 #: (solver, number of sampled releases, and of those that arrive well, that it starts from for each
@@ -133,13 +135,8 @@ def _arrivals(scene: Scene, target: Pose, releases: Releases, landing: Array) ->
 
 def release_start(problems: NlpCache, task: Task, table: Releases, index: int, goal: Pose) -> Start:
     """A start from release `index` of a table."""
-    scene, flight = task.scene, table.flight_time(index, goal.z, task.scene.flight)
-    guess = partial(
-        guess_from,
-        scene=scene,
-        manipulator=problems.manipulator,
-        releases=table,
-        index=index,
-        flight=flight,
-    )
+    scene, manipulator = task.scene, problems.manipulator
+    thrown = sampled_throw(scene, manipulator, table, index)
+    throw = PlannedThrow(thrown.path, thrown, 0.0, (0, 0))
+    guess = partial(initial_guess_from, throw=throw, request=Request(scene, manipulator))
     return Start(goal, guess, task.solvers[0], tries=TRIES)
