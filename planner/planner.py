@@ -26,7 +26,6 @@ from .search import (
     NlpCache,
     SearchContext,
     Task,
-    check_contradictions,
     check_start,
     remaining_throw,
 )
@@ -97,7 +96,7 @@ class Planner:
         # Obstacles stand in the base frame, tables and libraries in the throw's own plane.
         scene = scene.changed(obstacle=()) if scene.obstacle else scene
         check_start(scene, self.manipulator)
-        check_contradictions(scene, self.manipulator)
+        scene.check_target_in_cup()
         # The floor alone: no target moves it.
         check_obstacles(scene, self.manipulator)
         self.problems = NlpCache(scene, self.manipulator)
