@@ -291,7 +291,7 @@ class Planner:
     @functools.cached_property
     def _releases(self) -> Releases:
         draw = functools.partial(self._context.sampler.draw, SAMPLES)
-        return stored_releases(self.scene, self.manipulator, SAMPLES, 0, draw)
+        return stored_releases(self.scene, SAMPLES, 0, draw)
 
     @functools.cached_property
     def _in_motion(self) -> SearchContext:

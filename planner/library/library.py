@@ -242,10 +242,14 @@ def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     if like.cup is not None:
         # A cup that was moved and moved back may differ in the last digit.
         like = like.changed(cup=like.cup.changed(x=round(like.cup.x, 9)))
-    apart = ("cost", "rest", "calibration")
-    names = [field.name for field in dataclasses.fields(like) if field.name not in apart]
-    sections = [repr(getattr(like, name)) for name in names]
-    return cache / f"throws-{digest(f'throws {FORMAT}', repr(kind.descr), *sections)}"
+    parts = f"throws {FORMAT}", repr(kind.descr)
+    return cache / f"throws-{digest_of(like, {'cost', 'rest', 'calibration'}, *parts)}"
+
+
+def digest_of(scene: Scene, apart: Collection[str], *parts: str) -> str:
+    """A name for what is made from `parts` and all of a scene but the sections `apart`."""
+    names = [field.name for field in dataclasses.fields(scene) if field.name not in apart]
+    return digest(*parts, *(repr(getattr(scene, name)) for name in names))
 
 
 def read_files(
