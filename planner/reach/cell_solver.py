@@ -161,7 +161,7 @@ class CellSolver:
 
     def _moved(self, near: Neighbour, source: KnownThrow, task: Task) -> KnownThrow | None:
         """The throw moved along its slope; None where it breaks something there."""
-        optimum = self._corrected(near, near.optimum, np.array(near.miss), task)
+        optimum = self._corrected(near, task)
         return None if optimum is None else replace(source, optimum=optimum, moves=source.moves + 1)
 
     def _by_newton_step(self, near: Neighbour, source: KnownThrow, task: Task) -> KnownThrow | None:
@@ -195,8 +195,9 @@ class CellSolver:
             return None
         u = controls.within(u + step.du)
         optimum = replace(optimum, u=u, slope=step.slope)
-        lands = throw_of(controls, manipulator, optimum, task).exact.miss(near.goal)
-        found = self._corrected(near, optimum, np.array(lands), task)
+        detach = throw_of(controls, manipulator, optimum, task).deciding.release.end
+        beside = Neighbour.of(replace(optimum, detach=detach), near.goal, task.scene)
+        found = self._corrected(beside, task)
         if found is None:
             return None
         return KnownThrow(found, lam_g, source.newton_steps + 1)
@@ -210,18 +211,13 @@ class CellSolver:
 
         return np.array([(effort(u + du) - effort(u - du)) / (2 * h) for du in h * np.eye(u.size)])
 
-    def _corrected(
-        self, near: Neighbour, optimum: Optimum, off: Array, task: Task
-    ) -> Optimum | None:
-        """A throw that lands `off` (x [m], theta [rad]) the goal, brought there along its slope.
-
-        None where it breaks something there.
-        """
-        attempt = self.corrector.attempt_from((optimum.u, optimum.slope, off), near, optimum, task)
+    def _corrected(self, near: Neighbour, task: Task) -> Optimum | None:
+        """The throw brought to the goal along its slope; None where it breaks something there."""
+        attempt, optimum = self.corrector.attempt(near, task), near.optimum
         if not attempt.solved or attempt.throw is None:
             return None
-        along = off[: optimum.slope.shape[1]]
-        u = self.corrector.controls.within(optimum.u - optimum.slope @ along)
+        off = np.array(near.miss[: optimum.slope.shape[1]])
+        u = self.corrector.controls.within(optimum.u - optimum.slope @ off)
         detach = attempt.throw.deciding.release.end
         return replace(optimum, u=u, detach=detach, effort=attempt.throw.effort)
 
