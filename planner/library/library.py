@@ -77,24 +77,14 @@ class Library:
         self._scene, self._height = scene, target.z
         self._type = record_type(self.controls, self.angle)
         self.folder = folder_of(scene, self._type) if keep else None
-        self._parts: dict[str, Records] = {}
-        self._take(np.zeros(0, self._type))
-        self.refresh()
+        files = () if self.folder is None else read_files(self.folder, self._type)
+        self._parts: dict[str, Records] = {
+            name: records[are_valid(records, self.controls)] for name, records in files
+        }
+        self._take(np.concatenate([np.zeros(0, self._type), *self._parts.values()]))
 
     def __len__(self) -> int:
         return len(self._solved)
-
-    def refresh(self) -> None:
-        """Reads the files that this or another process has added."""
-        if self.folder is None:
-            return
-        found = {
-            name: records[are_valid(records, self.controls)]
-            for name, records in read_files(self.folder, self._type, self._parts)
-        }
-        if found:
-            self._parts |= found
-            self._take(np.concatenate(list(self._parts.values())))
 
     def _take(self, records: Records) -> None:
         """Keeps one of several records of one landing: the cheapest throw that lands there; else of
@@ -252,17 +242,12 @@ def digest_of(scene: Scene, apart: Collection[str], *parts: str) -> str:
     return digest(*parts, *(repr(getattr(scene, name)) for name in names))
 
 
-def read_files(
-    folder: Path, kind: np.dtype[Any], known: Collection[str]
-) -> Iterator[tuple[str, Records]]:
-    """Names and records of the folder's files that are whole, of this user and of this kind.
-
-    known: names that are passed over.
-    """
+def read_files(folder: Path, kind: np.dtype[Any]) -> Iterator[tuple[str, Records]]:
+    """Names and records of the folder's files that are whole, of this user and of this kind."""
     try:
         if not _is_own(folder):
             return
-        paths = sorted(path for path in folder.glob("*.npy") if path.name not in known)
+        paths = sorted(folder.glob("*.npy"))
     except OSError:
         return
     for path in paths:

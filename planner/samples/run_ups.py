@@ -10,6 +10,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from ...models import Array, Flags, FlightState, Trajectory
 from ...problems import Scene
@@ -55,11 +56,7 @@ def run_up(manipulator: Manipulator, q: Array, dq: Array, ddq: Array, duration: 
 
 def polynomial(coefficients: list[Array], t: Any, derivative: int = 0) -> Array:
     """sum c_i t^i, or a derivative of it, at times that broadcast with the coefficients."""
-    terms = []
-    for power in range(derivative, len(coefficients)):
-        factor = float(np.prod(np.arange(power, power - derivative, -1)))
-        terms.append(factor * coefficients[power] * t ** (power - derivative))
-    return np.asarray(sum(terms))
+    return np.asarray(polyval(t, polyder(np.array(coefficients), derivative), tensor=False))
 
 
 def carry(

@@ -376,7 +376,7 @@ def test_two_that_grow_the_same_one_lose_nothing(prepared, tmp_path, monkeypatch
     one.add(rows[:20])
     other.add(rows[15:40])
     assert (len(one.records), len(other.records)) == (20, 25)
-    one.refresh()
+    one = reopened(prepared)
     assert len(one.records) == 40
     # Merging takes away what it has seen, and no more.
     other.add(rows[40:50])
