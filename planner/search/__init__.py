@@ -12,7 +12,6 @@ from .loop import find_throws
 from .move import (
     CORRECTOR,
     Corrector,
-    condensed_at,
     fixed_optimum,
     moved_start,
     optimum_of,
