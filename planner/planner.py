@@ -26,7 +26,6 @@ from .search import (
     NlpCache,
     SearchContext,
     Task,
-    check_contradictions,
     check_start,
     remaining_throw,
 )
@@ -97,12 +96,11 @@ class Planner:
         # Obstacles stand in the base frame, tables and libraries in the throw's own plane.
         scene = scene.changed(obstacle=()) if scene.obstacle else scene
         check_start(scene, self.manipulator)
-        check_contradictions(scene, self.manipulator)
+        scene.check_target_in_cup()
         # The floor alone: no target moves it.
         check_obstacles(scene, self.manipulator)
         self.problems = NlpCache(scene, self.manipulator)
-        sampler = ReleaseSampler(scene, self.manipulator)
-        self._context = SearchContext(self.problems, sampler, self.releases, library)
+        self._context = SearchContext(self.problems, self.releases, library)
         self._build_time = time.perf_counter() - start
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -291,8 +289,8 @@ class Planner:
 
     @functools.cached_property
     def _releases(self) -> Releases:
-        draw = functools.partial(self._context.sampler.draw, SAMPLES)
-        return stored_releases(self.scene, self.manipulator, SAMPLES, 0, draw)
+        sampler = ReleaseSampler(self.problems.scene, self.manipulator)
+        return stored_releases(self.scene, SAMPLES, 0, functools.partial(sampler.draw, SAMPLES))
 
     @functools.cached_property
     def _in_motion(self) -> SearchContext:

@@ -77,24 +77,14 @@ class Library:
         self._scene, self._height = scene, target.z
         self._type = record_type(self.controls, self.angle)
         self.folder = folder_of(scene, self._type) if keep else None
-        self._parts: dict[str, Records] = {}
-        self._take(np.zeros(0, self._type))
-        self.refresh()
+        files = () if self.folder is None else read_files(self.folder, self._type)
+        self._parts: dict[str, Records] = {
+            name: records[are_valid(records, self.controls)] for name, records in files
+        }
+        self._take(np.concatenate([np.zeros(0, self._type), *self._parts.values()]))
 
     def __len__(self) -> int:
         return len(self._solved)
-
-    def refresh(self) -> None:
-        """Reads the files that this or another process has added."""
-        if self.folder is None:
-            return
-        found = {
-            name: records[are_valid(records, self.controls)]
-            for name, records in read_files(self.folder, self._type, self._parts)
-        }
-        if found:
-            self._parts |= found
-            self._take(np.concatenate(list(self._parts.values())))
 
     def _take(self, records: Records) -> None:
         """Keeps one of several records of one landing: the cheapest throw that lands there; else of
@@ -180,29 +170,48 @@ class Library:
         within: float,
     ) -> Iterator[Neighbour]:
         """Of the records of numbers `rows` (N,) with their landings (3, N), the nearest."""
-        if not len(rows) or (target.theta is not None) != self.angle:
+        if (target.theta is not None) != self.angle:
             return
-        x, theta, _ = landings
-        full = np.zeros_like(x)
-        if target.theta is not None and turns == "any":
-            full = 2 * math.pi * np.round((theta - target.theta) / (2 * math.pi))
-        away = self._scene.object.pose_error(*target.miss(x, theta - full))
-        count = min(count, len(away))
-        # NaN, of throws that do not come down there, is last.
-        nearest = np.argpartition(away, count - 1)[:count]
-        if target.is_region:
-            # Of the throws that land in a region, the cheapest come first.
-            nearest = np.lexsort((self.records["effort"][rows], away))[:count]
-        nearest = nearest[np.argsort(away[nearest], kind="stable")]
-        for i in nearest:
-            if not away[i] < within:
+        # Of the throws that land in a region, the cheapest come first.
+        cost = self.records["effort"][rows] if target.is_region else None
+        for i, goal, away in nearest_landings(self._scene, target, turns, landings, count, cost):
+            if not away < within:
                 return
-            yield Neighbour(
-                optimum_in(self.records[rows[i]]),
-                target.turned(float(full[i])) if full[i] else target,
-                (float(x[i]), float(theta[i])),
-                float(away[i]),
-            )
+            landing = float(landings[0, i]), float(landings[1, i])
+            yield Neighbour(optimum_in(self.records[rows[i]]), goal, landing, away)
+
+
+def nearest_landings(
+    scene: Scene,
+    target: Pose,
+    turns: Turns,
+    landings: Array,
+    count: int,
+    cost: Array | None = None,
+) -> list[tuple[int, Pose, float]]:
+    """(row, goal, pose error [m] (39)) of the `count` landings nearest to a target, nearest first.
+
+    landings (3, N): x [m], theta [rad], flight time [s]; a row with NaN does not come down, and is
+    left out. With turns 'any' a row's goal is the target at the full turns nearest to its landing.
+    cost (N,): of landings that are equally near, as in a region, the least comes first.
+    """
+    x, theta, _ = landings
+    full = np.zeros_like(x)
+    if target.theta is not None and turns == "any":
+        full = 2 * math.pi * np.round((theta - target.theta) / (2 * math.pi))
+    away = scene.object.pose_error(*target.miss(x, theta - full))
+    found = np.arange(len(away))
+    if cost is not None:
+        found = np.lexsort((cost, away))[:count]
+    elif count < len(away):
+        found = np.argpartition(away, count - 1)[:count]
+    # NaN comes last.
+    found = found[np.argsort(away[found], kind="stable")]
+    return [
+        (int(i), target.turned(float(full[i])) if full[i] else target, float(away[i]))
+        for i in found
+        if math.isfinite(away[i])
+    ]
 
 
 def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
@@ -223,23 +232,22 @@ def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     if like.cup is not None:
         # A cup that was moved and moved back may differ in the last digit.
         like = like.changed(cup=like.cup.changed(x=round(like.cup.x, 9)))
-    apart = ("cost", "rest", "calibration")
-    names = [field.name for field in dataclasses.fields(like) if field.name not in apart]
-    sections = [repr(getattr(like, name)) for name in names]
-    return cache / f"throws-{digest(f'throws {FORMAT}', repr(kind.descr), *sections)}"
+    parts = f"throws {FORMAT}", repr(kind.descr)
+    return cache / f"throws-{digest_of(like, {'cost', 'rest', 'calibration'}, *parts)}"
 
 
-def read_files(
-    folder: Path, kind: np.dtype[Any], known: Collection[str]
-) -> Iterator[tuple[str, Records]]:
-    """Names and records of the folder's files that are whole, of this user and of this kind.
+def digest_of(scene: Scene, apart: Collection[str], *parts: str) -> str:
+    """A name for what is made from `parts` and all of a scene but the sections `apart`."""
+    names = [field.name for field in dataclasses.fields(scene) if field.name not in apart]
+    return digest(*parts, *(repr(getattr(scene, name)) for name in names))
 
-    known: names that are passed over.
-    """
+
+def read_files(folder: Path, kind: np.dtype[Any]) -> Iterator[tuple[str, Records]]:
+    """Names and records of the folder's files that are whole, of this user and of this kind."""
     try:
         if not _is_own(folder):
             return
-        paths = sorted(path for path in folder.glob("*.npy") if path.name not in known)
+        paths = sorted(folder.glob("*.npy"))
     except OSError:
         return
     for path in paths:

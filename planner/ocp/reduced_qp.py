@@ -282,11 +282,6 @@ class CondensedQp:
             hessian=self.hessian[1:, 1:],
         )
 
-    @property
-    def convex(self) -> CondensedQp:
-        """The QP with small and negative curvatures raised to `min_curvature`."""
-        return replace(self, hessian=_raise_curvatures(self.hessian))
-
     def null_space_step(self, active: Flags) -> Array:
         """The cheapest du (size, L) in the null space of the active limits for a unit change of
         each landing component."""

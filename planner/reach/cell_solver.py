@@ -9,7 +9,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ...models import Array
 from ...problems import Pose, Scene
 from ..library import Neighbour
 from ..ocp import (
@@ -18,7 +17,6 @@ from ..ocp import (
     ReducedVariables,
     Refinement,
     Request,
-    Solution,
 )
 from ..samples import Releases, starts
 from ..search import (
@@ -32,13 +30,10 @@ from ..search import (
     Task,
     approach_goal,
     attempts,
-    condensed_at,
     fixed_optimum,
-    initial_guess_from,
     moved_start,
     optimum_of,
     release_start,
-    throw_of,
 )
 from ..throw import make_manipulator
 from .cells import Cell
@@ -50,16 +45,12 @@ class SolverSettings:
 
     patience [s]: longest time for one cell. max_distance [m]: a throw with a larger pose error is
     not moved along its slope. max_moves: a throw is moved along its slope from cell to cell at most
-    this often; then a Newton step brings it back to the optimum. max_newton_steps: most of
-    these that use one NLP solution's multipliers. gradient_step: of u, for differences of the
-    effort. max_starts: sampled releases that a throw is solved from.
+    this often; then the NLP is solved. max_starts: sampled releases that a throw is solved from.
     """
 
     patience: float = 3.0
     max_distance: float = 0.15
     max_moves: int = 2
-    max_newton_steps: int = 12
-    gradient_step: float = 1e-6
     max_starts: int = 2
 
 
@@ -68,15 +59,9 @@ SETTINGS = SolverSettings()
 
 @dataclass(frozen=True)
 class KnownThrow:
-    """A solved throw, and what tells how near its optimum it is.
-
-    multipliers (m,): of the NLP's rows at the solution that it comes from, None without one;
-    newton_steps from there to here; moves: along its slope since the last of these.
-    """
+    """A solved throw, and how often it was moved along its slope since the NLP was solved."""
 
     optimum: Optimum
-    multipliers: Array | None = None
-    newton_steps: int = 0
     moves: int = 0
 
 
@@ -120,9 +105,9 @@ class CellSolver:
     def solve(self, cell_task: CellTask) -> CellResult:
         """A throw into the cell.
 
-        A throw near it is moved along its slope, or by a Newton step where it was moved so before;
-        from a farther one the NLP is solved. Where that fails, steps that know all limits lead to
-        the cell. At the edge the throw is brought as near to the cell as limits let it.
+        A throw near it is moved along its slope; from a farther one, or one that was moved often,
+        the NLP is solved. Where that fails, steps that know all limits lead to the cell. At the
+        edge the throw is brought as near to the cell as limits let it.
         """
         cell, goal, source = cell_task.cell, cell_task.goal, cell_task.source
         clock = Clock.lasting(SETTINGS.patience)
@@ -136,9 +121,7 @@ class CellSolver:
         if is_near and source.moves < SETTINGS.max_moves:
             found = self._moved(near, source, task)
         else:
-            if is_near and source.newton_steps < SETTINGS.max_newton_steps:
-                found = self._by_newton_step(near, source, task)
-            found = found or self._solved_anew(near, task)
+            found = self._solved_anew(near, task)
         if found is None and not cell_task.has_throw:
             found = self._continued(near, task)
         return CellResult(cell, found)
@@ -161,69 +144,14 @@ class CellSolver:
 
     def _moved(self, near: Neighbour, source: KnownThrow, task: Task) -> KnownThrow | None:
         """The throw moved along its slope; None where it breaks something there."""
-        optimum = self._corrected(near, near.optimum, np.array(near.miss), task)
-        return None if optimum is None else replace(source, optimum=optimum, moves=source.moves + 1)
-
-    def _by_newton_step(self, near: Neighbour, source: KnownThrow, task: Task) -> KnownThrow | None:
-        """The throw moved along its slope, and from there by a step towards the optimum.
-
-        It is the step of sequential quadratic programming, inside all limits, at the landing; the
-        Lagrangian's curvature is that of the multipliers at the last solution.
-        """
-        problems, controls, optimum = self.problems, self.corrector.controls, near.optimum
-        manipulator, refinement = problems.manipulator, optimum.refinement
-        program = problems.problem(near.goal, refinement, "fatrop", task.clock)
-        nlp, lam_g = program.nlp, source.multipliers
-        if lam_g is None or lam_g.size != len(nlp.lbg):
-            return None
-        off = np.array(near.miss[: optimum.slope.shape[1]])
-        u = controls.within(optimum.u - optimum.slope @ off)
-        throw = throw_of(controls, manipulator, replace(optimum, u=u), task)
-        x = initial_guess_from(nlp, throw, Request(task.scene, manipulator))
-        exact = throw.exact if nlp.linearised else None
-        aim = near.goal.shifted(*optimum.smoothing)
-        request = Request(task.scene, manipulator, aim, refinement, reference=exact)
-        point = replace(Solution.none(x), lam_g=lam_g, lam_x=np.zeros(x.size))
-        try:
-            at = condensed_at(controls, program, request, point)
-            at = replace(at.convex, target_offset=np.zeros(len(at.landing)))
-            newton = -np.linalg.solve(at.hessian, self._effort_gradient(u)).astype(float)
-            step = at.step(newton)
-        except np.linalg.LinAlgError:
-            return None
-        if step is None:
-            return None
-        u = controls.within(u + step.du)
-        optimum = replace(optimum, u=u, slope=step.slope)
-        lands = throw_of(controls, manipulator, optimum, task).exact.miss(near.goal)
-        found = self._corrected(near, optimum, np.array(lands), task)
-        if found is None:
-            return None
-        return KnownThrow(found, lam_g, source.newton_steps + 1)
-
-    def _effort_gradient(self, u: Array) -> Array:
-        """Derivative (size,) of the effort in u, by central differences."""
-        controls, h = self.corrector.controls, SETTINGS.gradient_step
-
-        def effort(at: Array) -> float:
-            return controls.effort(controls.motion(at)[0])
-
-        return np.array([(effort(u + du) - effort(u - du)) / (2 * h) for du in h * np.eye(u.size)])
-
-    def _corrected(
-        self, near: Neighbour, optimum: Optimum, off: Array, task: Task
-    ) -> Optimum | None:
-        """A throw that lands `off` (x [m], theta [rad]) the goal, brought there along its slope.
-
-        None where it breaks something there.
-        """
-        attempt = self.corrector.attempt_from((optimum.u, optimum.slope, off), near, optimum, task)
+        attempt, optimum = self.corrector.attempt(near, task), near.optimum
         if not attempt.solved or attempt.throw is None:
             return None
-        along = off[: optimum.slope.shape[1]]
-        u = self.corrector.controls.within(optimum.u - optimum.slope @ along)
+        off = np.array(near.miss[: optimum.slope.shape[1]])
+        u = self.corrector.controls.within(optimum.u - optimum.slope @ off)
         detach = attempt.throw.deciding.release.end
-        return replace(optimum, u=u, detach=detach, effort=attempt.throw.effort)
+        optimum = replace(optimum, u=u, detach=detach, effort=attempt.throw.effort)
+        return KnownThrow(optimum, source.moves + 1)
 
     def _solved_anew(self, near: Neighbour, task: Task) -> KnownThrow | None:
         """The NLP's solution from the throw; None where it has none."""
@@ -254,7 +182,7 @@ class CellSolver:
         joints, solution = self.problems.manipulator.joints, last.throw.solution
         names = program.nlp.binding_limits(joints, solution, program.limits)
         optimum = optimum_of(self.corrector.controls, program, last.throw, names)
-        return None if optimum is None else KnownThrow(optimum, solution.lam_g)
+        return None if optimum is None else KnownThrow(optimum)
 
 
 def first_refinement(scene: Scene) -> Refinement:

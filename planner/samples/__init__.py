@@ -1,5 +1,5 @@
 """Sampled throws in closed form: drawn within the limits, thrown, and looked up by landing."""
 
-from .release_table import Releases, arrival, highest, joined, nearest, starts
-from .run_ups import carry, flies_past_column, in_obstacles, polynomial, run_up, sampled_throw
+from .release_table import Releases, arrival, highest, joined, starts
+from .run_ups import carry, flies_past_column, in_obstacles, run_up, sampled_throw
 from .sampling import ReleaseSampler, sparse_parents, stored_releases

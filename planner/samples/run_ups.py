@@ -10,6 +10,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from ...models import Array, Flags, FlightState, Trajectory
 from ...problems import Scene
@@ -27,8 +28,6 @@ from ..throw import Manipulator, Throw, column_of
 INSTANTS, FLIGHT_INSTANTS = 24, 40
 #: Times after detach [s] at which the bar is checked against the arm besides those of the palm.
 LATE_TIMES = tuple(np.arange(0.3, 1.3, 0.05).tolist())
-#: Pieces of a table's run-up that is checked against obstacles.
-PIECES = 12
 
 
 def run_up(manipulator: Manipulator, q: Array, dq: Array, ddq: Array, duration: Any) -> list[Array]:
@@ -57,11 +56,7 @@ def run_up(manipulator: Manipulator, q: Array, dq: Array, ddq: Array, duration: 
 
 def polynomial(coefficients: list[Array], t: Any, derivative: int = 0) -> Array:
     """sum c_i t^i, or a derivative of it, at times that broadcast with the coefficients."""
-    terms = []
-    for power in range(derivative, len(coefficients)):
-        factor = float(np.prod(np.arange(power, power - derivative, -1)))
-        terms.append(factor * coefficients[power] * t ** (power - derivative))
-    return np.asarray(sum(terms))
+    return np.asarray(polyval(t, polyder(np.array(coefficients), derivative), tensor=False))
 
 
 def carry(
@@ -133,10 +128,14 @@ def in_obstacles(scene: Scene, manipulator: Manipulator, releases: Any, index: i
 
 
 def sampled_throw(scene: Scene, manipulator: Manipulator, releases: Any, index: int) -> Throw:
-    """A table's throw `index`: its run-up in cubics, then its acceleration while the pads open."""
-    state = releases.q[index], releases.dq[index], releases.ddq[index]
+    """A table's throw `index`: its run-up, then its acceleration while the pads open."""
+    q, dq, ddq = releases.q[index], releases.dq[index], releases.ddq[index]
     time, opening = float(releases.run_up[index]), scene.gripper.profile().opening
-    return Throw(scene, manipulator, carry(manipulator, state, time, opening, PIECES), time)
+    opened = [q, dq, ddq / 2, 0 * q, 0 * q, 0 * q]
+    pieces = np.array([run_up(manipulator, q, dq, ddq, time), opened])[:, ::-1]
+    breaks = np.array([0.0, time, time + opening])
+    path = Trajectory(breaks, pieces.transpose(1, 2, 0)[..., None], breaks)
+    return Throw(scene, manipulator, path, time)
 
 
 def clears_thrown(

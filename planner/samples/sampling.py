@@ -14,18 +14,24 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.compile import cache_folder, digest, keep, kept
+from ...core.compile import cache_folder, keep, kept
 from ...models import Array, Flags, HandSamples, Indices, Trajectory
 from ...models.release import MODELS, SLIDING_PIVOT, ReleaseBatch
 from ...problems import Scene
 from ..clearance import tool_speeds
+from ..library import digest_of
 from ..ocp import BRAKE_SHARE
-from ..throw import Limits, Manipulator, friction_use
+from ..throw import Manipulator, friction_use
 from .release_table import ARRAYS, Releases, joined
 from .run_ups import clears_carried, clears_thrown, run_up
 
 #: Version of stored tables; raise it after a change of how releases are drawn or thrown.
 FORMAT = 1
+#: Parts of a scene that releases do not depend on: its words, what chooses among throws, where they
+#: land. Of [mesh] they depend on `carry_max` alone.
+WORDS = {"name", "description", "file"}
+CHOICE = {"cost", "choice", "torque", "uncertainty", "robust", "mesh"}
+LANDING = {"target", "tolerance", "cup", "landing", "obstacle", "rest", "calibration"}
 #: Bins of landings on each axis.
 BINS = 40
 
@@ -235,18 +241,16 @@ def _bins(values: Array) -> Indices:
     return np.asarray(np.minimum(((values - low) / width * BINS).astype(int), BINS - 1))
 
 
-def stored_releases(
-    scene: Scene, manipulator: Manipulator, count: int, seed: int, draw: Callable[[], Releases]
-) -> Releases:
+def stored_releases(scene: Scene, count: int, seed: int, draw: Callable[[], Releases]) -> Releases:
     """The table of a scene from the cache, or drawn and put there.
 
-    Its name is a hash of all that it depends on: not of target, cup or tolerance. A damaged file
-    is drawn again; without a cache folder nothing is kept.
+    A damaged file is drawn again; without a cache folder nothing is kept.
     """
     folder = cache_folder()
     if folder is None:
         return draw()
-    name = f"{_key(scene, manipulator, count, seed)}.npz"
+    parts = f"releases {FORMAT}", repr((scene.mesh.carry_max, count, seed))
+    name = f"{digest_of(scene, WORDS | CHOICE | LANDING, *parts)}.npz"
     found = _read(folder / name)
     if found is None:
         found = draw()
@@ -255,30 +259,6 @@ def stored_releases(
         np.savez(data, **arrays)
         keep(folder, name, data.getvalue())
     return found
-
-
-def _key(scene: Scene, manipulator: Manipulator, count: int, seed: int) -> str:
-    limits = (getattr(manipulator.planning, field.name) for field in dataclasses.fields(Limits))
-    parts = (
-        scene.object,
-        scene.grasp,
-        scene.patch,
-        scene.gripper,
-        scene.gravity,
-        scene.workspace,
-        scene.gripper.sticking_margin,
-        scene.mesh.carry_max,
-        scene.arm,
-        scene.tool_speed,
-        manipulator.kinematics.coordinates,
-        getattr(manipulator.kinematics, "throwing_joints", None),
-        scene.hand,
-        *(None if v is None else v.tolist() for v in limits),
-        None if manipulator.start is None else manipulator.start.tolist(),
-        count,
-        seed,
-    )
-    return digest(f"releases {FORMAT}", *map(repr, parts))
 
 
 def _read(path: Path) -> Releases | None:

@@ -5,18 +5,17 @@ from .attempt import Attempt, Start, attempts, error_over
 from .candidates import release_start
 from .context import SearchContext, are_equal
 from .continuation import SqpContinuation
-from .failure import check_contradictions, contradiction, nothing_found
-from .guess import guess_from, initial_guess_from, remaining_throw, remaining_trajectory
+from .failure import check_start, contradiction, nothing_found
+from .guess import initial_guess_from, remaining_throw, remaining_trajectory
 from .history import Approach, Entry, History, Solve
 from .loop import find_throws
 from .move import (
     CORRECTOR,
     Corrector,
-    condensed_at,
     fixed_optimum,
     moved_start,
     optimum_of,
     throw_of,
 )
-from .nlp_cache import Clock, NlpCache, Task, check_start
+from .nlp_cache import Clock, NlpCache, Task
 from .strategies import FROM_NOTHING, FROM_THROWS, Search, from_warm_plan

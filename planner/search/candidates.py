@@ -12,11 +12,13 @@ import numpy as np
 
 from ...models import Array, Flags, Indices
 from ...problems import Pose, Scene
+from ..ocp import Request
+from ..result import PlannedThrow
 from ..samples import Releases, flies_past_column, in_obstacles, sampled_throw, starts
 from ..throw import Manipulator, column_of
 from ..verdict import lands_well, verdict
 from .attempt import Start
-from .guess import guess_from
+from .guess import initial_guess_from
 from .nlp_cache import NlpCache, Task
 
 #: (solver, number of sampled releases, and of those that arrive well, that it starts from for each
@@ -28,7 +30,7 @@ STARTS_AMONG = (("fatrop", 16), ("ipopt", 2))
 REGION_STARTS = 8
 #: Nearest sampled throws of which starts are chosen, and of which collisions with obstacles are
 #: checked.
-NEAR, CLEARED = 200, 40
+NEAR, CLEARED = 400, 40
 #: Two releases differ if a coordinate does by this share of its range among the near ones.
 DIFFERENT = 0.25
 #: Most sampled throws that are judged.
@@ -56,34 +58,35 @@ class Candidates:
 
     @cached_property
     def different(self) -> list[tuple[int, Pose, float]]:
-        """Near landings of releases whose coordinates differ, as different motions reach a target.
+        """Near landings, first of releases whose coordinates differ, as different motions reach a
+        target.
 
-        With obstacles, those of `CLEARED` that are least deep in one come first.
+        With obstacles, of the first `CLEARED` those that are least deep in one come first.
         """
-        task, scene, chosen = self.task, self.task.scene, list[int]()
-        count = CLEARED if scene.obstacle else NEAR
-        found = starts(self.releases, scene, task.target, task.turns, count)
-        if scene.obstacle:
-            with task.clock("guess"):
-                depths = [
-                    in_obstacles(scene, self.manipulator, self.releases, i) for i, *_ in found
-                ]
-            deep = [far + depth for (*_, far), depth in zip(found, depths, strict=True)]
-            found = [found[i] for i in np.argsort(deep)]
+        task, scene = self.task, self.task.scene
+        found = starts(self.releases, scene, task.target, task.turns, NEAR)
         q = self.releases.q[[index for index, *_ in found]]
         apart = DIFFERENT * np.ptp(q, axis=0) if len(q) else 0.0
-        for k in range(len(found)):
-            if (np.abs(q[chosen] - q[k]) > apart).any(axis=1).all():
-                chosen.append(k)
+        chosen, free = list[int](), np.ones(len(q), bool)
+        while free.any():
+            chosen.append(int(free.argmax()))
+            free &= (np.abs(q - q[chosen[-1]]) > apart).any(axis=1)
         others = sorted(set(range(len(found))) - set(chosen))
-        return [found[k] for k in (*chosen, *others)]
+        found = [found[k] for k in (*chosen, *others)]
+        if not scene.obstacle:
+            return found
+        with task.clock("guess"):
+            near = found[:CLEARED]
+            depths = [in_obstacles(scene, self.manipulator, self.releases, i) for i, *_ in near]
+        deep = [far + depth for (*_, far), depth in zip(near, depths, strict=True)]
+        return [*(near[i] for i in np.argsort(deep)), *found[CLEARED:]]
 
     @cached_property
     def arriving(self) -> Candidates:
         """The releases that clear arm and column, land on the target's side of it, and enter a cup
         at their landing. A condition that no release meets is ignored."""
         scene, target, releases = self.task.scene, self.task.target, self.releases
-        landing = np.column_stack(releases.landings(target.z, scene.flight))
+        landing = releases.landings(target.z, scene.flight).T
         good = np.isfinite(landing[:, 2])
         for holds in _arrivals(scene, target, releases, landing):
             good = good & holds if (good & holds).any() else good
@@ -146,13 +149,8 @@ def _arrivals(scene: Scene, target: Pose, releases: Releases, landing: Array) ->
 
 def release_start(problems: NlpCache, task: Task, table: Releases, index: int, goal: Pose) -> Start:
     """A start from release `index` of a table."""
-    scene, flight = task.scene, table.flight_time(index, goal.z, task.scene.flight)
-    guess = partial(
-        guess_from,
-        scene=scene,
-        manipulator=problems.manipulator,
-        releases=table,
-        index=index,
-        flight=flight,
-    )
+    scene, manipulator = task.scene, problems.manipulator
+    thrown = sampled_throw(scene, manipulator, table, index)
+    throw = PlannedThrow(thrown.path, thrown, 0.0, (0, 0))
+    guess = partial(initial_guess_from, throw=throw, request=Request(scene, manipulator))
     return Start(goal, guess, task.solvers[0], tries=TRIES)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from ..library import Library
-from ..samples import Releases, ReleaseSampler
+from ..samples import Releases
 from ..throw import Manipulator
 from .attempt import Attempt
 from .move import Corrector, fixed_optimum
@@ -67,7 +67,6 @@ class SearchContext:
     """
 
     problems: NlpCache
-    sampler: ReleaseSampler
     table: Callable[[], Releases]
     keep: bool = True
 

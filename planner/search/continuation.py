@@ -87,8 +87,8 @@ class SqpContinuation:
                 return
             point, step = found
             if not point.missed:
-                begins = point.optimum.u, step.slope, point.off
-                attempt = self.corrector.attempt_from(begins, self.near, point.optimum, self.task)
+                beside = Neighbour.of(point.optimum, self.near.goal, self.task.scene)
+                attempt = self.corrector.attempt(beside, self.task)
                 throws, refinement = throws + 1, attempt.after
                 yield attempt
                 if attempt.solved:

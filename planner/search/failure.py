@@ -1,4 +1,5 @@
-"""Why there is no throw, in words: contradictions in the scene, and what the attempts broke."""
+"""Why there is no throw, in words: starts from which none can begin, bounds that contradict the
+target, and what the attempts broke."""
 
 from __future__ import annotations
 
@@ -7,15 +8,22 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...models import Array, FlightState
+from ...models import Array, FlightState, HandSamples
 from ...problems import InputError, Pose, Scene
 from ..clearance import column_distance, grasp_distance, held_bar, lowest_of_bar
 from ..samples import Releases
-from ..throw import Manipulator, column_of, outline, rest_torques, torque_limits
+from ..throw import (
+    Manipulator,
+    column_of,
+    friction_use,
+    outline,
+    rest_torques,
+    torque_limits,
+)
 from .attempt import Attempt
 
 #: Random start poses that are checked where the start is free.
-POSES = 500
+STARTS = 4000
 #: Share of the random start poses that an arm can hold at rest with an empty hand, at which its
 #: torque limits are refused. A robot holds all. With smaller limits no built-in scene had a plan in
 #: 20 s at a tenth; `iiwa14` had one at a fifth.
@@ -24,28 +32,71 @@ HELD_SHARE = 0.1
 FACTOR = 2.0
 
 
-def check_contradictions(scene: Scene, manipulator: Manipulator) -> None:
-    """InputError if the bar at the target is not in the cup, the object as gripped reaches into the
-    palm, the arm cannot hold itself, or the start is below the floor or in the base column: the
-    given start, or each of `POSES` random ones if it is free.
+def check_start(scene: Scene, manipulator: Manipulator) -> None:
+    """InputError if no motion can begin as the scene says, in its start or any of `STARTS` random
+    ones if that is free.
+
+    That is where the object as gripped reaches into the palm, the grip does not hold it at rest,
+    the arm does not hold itself, or the start is too near a limit, below the floor or in the base
+    column.
     """
-    scene.check_target_in_cup()
-    _check_palm(scene)
-    workspace, limits = scene.workspace, manipulator.planning
-    section = "robot" if scene.robot is not None else "hand"
-    rng, size = np.random.default_rng(0), (POSES, manipulator.size)
-    given = manipulator.start
+    _check_margin(scene, manipulator)
+    limits, given = manipulator.planning, manipulator.start
+    rng, size = np.random.default_rng(0), (STARTS, manipulator.size)
     q = rng.uniform(limits.q_min, limits.q_max, size).T if given is None else given[:, None]
+    _check_grip(scene, manipulator, q)
+    _check_palm(scene)
     _check_torques(scene, manipulator, q)
+    _check_place(scene, manipulator, q)
+
+
+def _check_margin(scene: Scene, manipulator: Manipulator) -> None:
+    """InputError if the planner's margin leaves a joint no range, or if a given start of an arm is
+    nearer a limit."""
+    limits, start = manipulator.planning, manipulator.start
+    if (limits.q_min > limits.q_max).any():
+        raise InputError(f"{scene.place}: [robot] position_margin leaves no room")
+    if scene.robot is None or start is None:
+        return
+    for name, *values in zip(manipulator.joints, start, limits.q_min, limits.q_max, strict=True):
+        value, low, high = (math.degrees(v) for v in values)
+        if not low <= value <= high:
+            raise InputError(
+                f"{scene.place}: [robot] start_deg: {name} at {value:.2f} must be within "
+                f"[{low:.2f}, {high:.2f}], the limits less position_margin"
+            )
+
+
+def _check_grip(scene: Scene, manipulator: Manipulator, q: Array) -> None:
+    """InputError if the full grip holds the object at rest in none of the starts q (n, K)."""
+    still = np.zeros_like(q)
+    hand = HandSamples(np.zeros(q.shape[1]), *manipulator.motion(q, still, still))
+    use = float(friction_use(scene, hand).min())
+    allowed = 1.0 - scene.gripper.sticking_margin
+    if use > allowed:
+        full, table = scene.gripper.profile().full, scene.gripper.table
+        given = f"force = {full:g}:" if table is None else f"table = {table}: {full:g} N is"
+        where = "its start pose" if manipulator.start is not None else "any permitted start pose"
+        raise InputError(
+            f"{scene.place}: [gripper] {given} too weak to hold the object at rest in "
+            f"{where}, needs at least {full * use / allowed:.3g} N"
+        )
+
+
+def _check_place(scene: Scene, manipulator: Manipulator, q: Array) -> None:
+    """InputError if hand, arm or held bar is below the floor, or the bar in the base column, in all
+    of the starts q (n, K)."""
+    workspace, given = scene.workspace, manipulator.start is not None
     if workspace is None:
         return
+    section = "robot" if scene.robot is not None else "hand"
     pose, heights = outline(manipulator, q)
     bar = held_bar(scene, pose)
     if workspace.floor is not None:
         lowest = np.minimum(heights, lowest_of_bar(scene.object, bar))
         below = workspace.floor - float(lowest.max())
         if below > 0:
-            start = f"[{section}] start" if given is not None else "every start"
+            start = f"[{section}] start" if given else "every start"
             raise InputError(
                 f"{scene.place}: {start} contradicts [workspace] floor = {workspace.floor:g}: "
                 f"hand, arm or held bar begins {1e3 * below:.0f} mm below it"

@@ -1,10 +1,8 @@
-"""Starts of an NLP: decision vectors of a sampled release or of another NLP's throw, and the rest
-of a swing's motion from an instant on."""
+"""Starts of an NLP: decision vectors of throws; and the rest of a swing from an instant on."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,32 +12,7 @@ from ...models.release import ReleaseCase, relative_states
 from ...problems import Scene
 from ..ocp import Block, Request, ThrowNlp, lower_end, opening_nodes
 from ..result import PlannedThrow
-from ..samples import Releases, polynomial, run_up
-from ..throw import NO_SAMPLES, TICK, Manipulator, Throw, case_of
-
-
-def guess_from(
-    nlp: ThrowNlp,
-    scene: Scene,
-    manipulator: Manipulator,
-    releases: Releases,
-    index: int,
-    flight: float,
-) -> Array:
-    """Decision vector that starts the NLP from release `index`, which flies for `flight` [s]."""
-    s, request = nlp.structure, Request(scene, manipulator)
-    q, dq, ddq = releases.q[index], releases.dq[index], releases.ddq[index]
-    duration = float(releases.run_up[index])
-    nodes, times = request.nodes, request.times(duration)
-    launch = run_up(manipulator, q, dq, ddq, duration)
-    launched = times[: s.opens + 1, None]
-    before = [polynomial(launch, launched, k).T for k in range(3)]
-    opening = Trajectory.cubics(nodes[[0, -1]], q[None], dq[None], ddq[None], 0 * q[None])
-    states = [np.hstack(pair) for pair in zip(before, opening.at(nodes[1:]), strict=True)]
-    relative = _relative(nlp, case_of(scene, manipulator.hand(opening)), nodes)
-    entries = _cup_times(nlp, scene, releases.detach[index], flight)
-    other = _others(entries, flight)
-    return nlp.decision_vector(times, states, lambda k, _: relative[k - s.opens], other)
+from ..throw import NO_SAMPLES, TICK, Manipulator, Throw
 
 
 def _relative(nlp: ThrowNlp, case: ReleaseCase, nodes: Array) -> Array:
@@ -48,17 +21,6 @@ def _relative(nlp: ThrowNlp, case: ReleaseCase, nodes: Array) -> Array:
     fine = np.sort(np.concatenate([nodes, (nodes[:-1] + nodes[1:]) / 2]))
     track = relative_states(case, fine)[::2]
     return track if nlp.structure.pivot else track[:, [0, 1, 3, 4]]
-
-
-def _others(entries: Array, flight: float) -> Callable[[Block], float]:
-    """Values of the variables of the flight; entries: times into the cup."""
-
-    def other(block: Block) -> float:
-        if block.name in ("t_rim", "t_cup"):
-            return float(entries[block.index + (block.name == "t_cup")])
-        return flight if block.name == "t_f" else 0.0
-
-    return other
 
 
 def _cup_times(nlp: ThrowNlp, scene: Scene, detach: Array, flight: float) -> Array:
@@ -91,7 +53,7 @@ def _cup_times(nlp: ThrowNlp, scene: Scene, detach: Array, flight: float) -> Arr
 
 
 def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> Array:
-    """Decision vector of the request's `nlp` from a throw of another."""
+    """Decision vector of the request's `nlp` from a throw: a sampled one, or another NLP's."""
     s = nlp.structure
     times = request.times(throw.opening_time)
     size = 6 if s.pivot else 4

@@ -1,77 +1,133 @@
 """A solved throw moved to a target nearby, by the throw itself instead of a solver.
 
 `Optimum.slope` says how the free numbers of an optimum move with its target while the active limits
-stay active. Along these one or two directions `ThrowFamily` brings the exact throw to the
+stay active. Along these one or two directions the compiled core brings the exact throw to the
 target. The throw is then checked as any other, since limits may break on the way.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from ...models import Array
+from ...core import MoveC, MovedC, SamplesC, library
+from ...models import Array, Trajectory
+from ...models.release import STEPPED_SURFACE, Release
 from ...problems import Pose
 from ..library import Neighbour
 from ..ocp import CondensedQp, Layout, Margins, Optimum, ReducedVariables, Request, Solution
 from ..result import PlannedThrow
-from ..throw import Manipulator, Throw
-from ..verdict import Verdict, verdict
+from ..throw import TICK, Manipulator, Samples, Throw, release_numbers, send
+from ..verdict import verdict
 from .attempt import Attempt, Start, accuracy
-from .compiled_move import MovedThrow, ThrowFamily
 from .guess import initial_guess_from
 from .nlp_cache import CompiledNlp, NlpCache, Task
 
 #: Most NLPs solved from an optimum, each refined by the check of the one before.
 TRIES = 2
+#: Most exact throws of one move, the first included.
+THROWS = 6
+#: The next step is cut to half or less if a throw misses by over this share of the least miss.
+MIN_PROGRESS = 0.9
+#: Most nodes of a release besides those at kinks of the motion, as in core/release.c.
+MAX_NODES = 800
 #: Name of the solver of an attempt by correction.
 CORRECTOR = "corrector"
 
 
 @dataclass(frozen=True)
 class Corrector:
-    """Moves optima of a scene to targets nearby."""
+    """Moves optima of a scene to targets nearby: controls, motion, samples, exact throw and Newton
+    steps in C.
+
+    Along the slope of `u` these bring the exact throw to the goal; their matrix is learnt from the
+    throws themselves (Broyden's method). They know no constraints.
+    """
 
     controls: ReducedVariables
     problems: NlpCache
 
     def attempt(self, near: Neighbour, task: Task) -> Attempt:
         """An attempt to throw to the goal of an optimum near it, along its slope."""
-        optimum = near.optimum
-        start = optimum.u, optimum.slope, np.array(near.miss)
-        return self.attempt_from(start, near, optimum, task)
-
-    def attempt_from(
-        self, start: tuple[Array, Array, Array], near: Neighbour, optimum: Optimum, task: Task
-    ) -> Attempt:
-        """An attempt at the goal of `near`; start: u, slope and miss that it moves from."""
-        found: PlannedThrow | None = None
-        judged: Verdict | None = None
+        goal, refinement, judged = near.goal, near.optimum.refinement, None
         reason = "a solved throw nearby does not move to the target"
         with task.clock("smooth"):
-            moved = self._family.moved(*start, near.nearest, accuracy(task.scene))
-        if moved is not None:
-            found = self._planned_throw(moved, optimum, task)
+            found = self._moved(near, task)
+        if found is not None:
             with task.clock("check"):
-                judged = verdict(found.deciding, near.goal)
+                judged = verdict(found.deciding, goal)
             reason = judged.words
-        return Attempt(near.goal, optimum.refinement, CORRECTOR, found, judged, reason, 0, 1)
+        return Attempt(goal, refinement, CORRECTOR, found, judged, reason, 0, 1)
 
-    def _planned_throw(self, moved: MovedThrow, optimum: Optimum, task: Task) -> PlannedThrow:
-        """The core's motion, samples and release as a planned throw."""
-        controls, manipulator = self.controls, self.problems.manipulator
-        opens = controls.opening_time(moved.u)
-        thrown = Throw.sent(task.scene, manipulator, moved.planned, moved.samples, opens)
-        final, effort = thrown.released(moved.release), controls.effort(moved.planned)
-        size, refinement = optimum.nlp_size, optimum.refinement
-        return PlannedThrow(moved.planned, final, effort, size, refinement, optimum=optimum)
+    def _moved(self, near: Neighbour, task: Task) -> PlannedThrow | None:
+        """The throw that lands at the goal, by the model that counts; None without one."""
+        move, found, optimum = self._fixed, self._buffers, near.optimum
+        manipulator, goal = self.problems.manipulator, near.nearest
+        move.errors, move.aim[:] = optimum.slope.shape[1], accuracy(task.scene)
+        move.off[:] = near.miss
+        begin = np.ascontiguousarray(optimum.u, float)
+        move.attach(u=begin, slope=np.ascontiguousarray(optimum.slope, float))
+        # The core's landings are the release model's, without the bias of [calibration].
+        dx, dtheta = self.problems.scene.flight.bias or (0.0, 0.0)
+        theta = 0.0 if goal.theta is None else goal.theta
+        move.goal[:] = goal.plane_x - dx, goal.z, theta - dtheta
+        if library().move_throw(move, found) <= 0:
+            return None
+        breaks, cubics = found.kept["breaks"].copy(), found.kept["cubics"].copy()
+        nodes = found.kept["nodes_at"][: found.nodes]
+        planned, release = Trajectory(breaks, cubics, breaks), Release.from_nodes(nodes)
+        if not move.surface:
+            release = Release.from_nodes(nodes, list(found.onset), bool(found.lost))
+        is_arm = manipulator.hard.jerk is not None
+        samples = self._sent(found) if is_arm else send(manipulator, planned)
+        opens = self.controls.opening_time(found.kept["u"])
+        thrown = Throw.sent(task.scene, manipulator, planned, samples, opens).released(release)
+        effort, size = self.controls.effort(planned), optimum.nlp_size
+        return PlannedThrow(planned, thrown, effort, size, optimum.refinement, optimum=optimum)
 
     @cached_property
-    def _family(self) -> ThrowFamily:
-        """The throws that the free numbers give, for the compiled core."""
-        return ThrowFamily(self.controls)
+    def _fixed(self) -> MoveC:
+        """The arguments that are equal for all moves."""
+        scene, manipulator = self.problems.scene, self.problems.manipulator
+        release = release_numbers(scene, manipulator)
+        found, limits = self.controls.core.copy(), manipulator.hard
+        found.surface, found.throws = scene.tolerance.model == STEPPED_SURFACE, THROWS
+        found.nearer, found.gravity = MIN_PROGRESS, scene.gravity
+        found.attach(limits=None if limits.jerk is None else limits.core, release=release)
+        return found
+
+    @cached_property
+    def _buffers(self) -> MovedC:
+        """Room for the largest result."""
+        controls, manipulator = self.controls, self.problems.manipulator
+        longest = controls.durations[1] + float(np.ptp(controls.request.nodes))
+        room = math.ceil((longest + manipulator.hard.longest_brake) / TICK) + 4
+        n, stages, size = manipulator.size, self._fixed.stages, controls.size
+        samples, rows = np.zeros((3, room, n)), MAX_NODES + 4 * room
+        found = MovedC(room=room, stages=stages, size=size, release_room=rows)
+        found.attach(
+            sent=SamplesC.of(TICK, *samples),
+            u=np.zeros(size),
+            breaks=np.zeros(stages + 1),
+            cubics=np.zeros((4, n, stages, 1)),
+            times=np.zeros(room),
+            curves=np.zeros(6 * n * room),
+            kinks=np.zeros(4 * room),
+            nodes_at=np.zeros((rows, 7)),
+        )
+        found.samples = samples
+        return found
+
+    def _sent(self, found: MovedC) -> Samples:
+        """The samples that an arm is sent."""
+        rows, n, kept = found.sent.rows, self.problems.manipulator.size, found.kept
+        samples = found.samples[:, :rows]
+        curves = kept["curves"][: 6 * n * (rows - 1)].reshape(6, n, rows - 1, 1)
+        arrays = samples, kept["times"][:rows], curves, kept["kinks"][: found.corners]
+        return Samples.known(*(array.copy() for array in arrays))
 
 
 def throw_of(

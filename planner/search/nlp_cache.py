@@ -1,5 +1,4 @@
-"""A scene's NLPs with their solvers, built when first needed and kept; a plan's task and clock; the
-check that the grip holds the object at rest in a permitted start."""
+"""A scene's NLPs with their solvers, built when first needed and kept; a plan's task and clock."""
 
 from __future__ import annotations
 
@@ -11,18 +10,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
-from ...models import Array, HandSamples
-from ...problems import InputError, Pose, Scene
+from ...models import Array
+from ...problems import Pose, Scene
 from ..library import Turns
 from ..ocp import Refinement, Request, Solver, ThrowNlp, build_nlp, processor_time
-from ..throw import Manipulator, friction_use
+from ..throw import Manipulator
 
 #: Most build time [s] that does not count against a plan's patience.
 FREE_BUILD_TIME = 1.5
-#: Random start poses that are checked where the start is free.
-POSES = 4000
 #: Parts of a plan whose times are always reported, zero for a part that is not run.
 PARTS = ("build", "guess", "solve", "smooth", "check")
 
@@ -164,44 +159,3 @@ def _kind(request: Request) -> _Kind:
     assert target is not None
     lazy, bodies = refinement.lazy, refinement.bodies
     return target.kind, lazy, bodies, request.robust, request.elastic > 0.0
-
-
-def check_start(scene: Scene, manipulator: Manipulator) -> None:
-    """InputError if no permitted start pose lets the full grip hold the object at rest."""
-    limits = manipulator.planning
-    if (limits.q_min > limits.q_max).any():
-        raise InputError(f"{scene.place}: [robot] position_margin leaves no room")
-    if manipulator.start is not None:
-        q = manipulator.start[:, None]
-        _check_margin(scene, manipulator, manipulator.start)
-    else:
-        rng = np.random.default_rng(0)
-        q = rng.uniform(limits.q_min, limits.q_max, (POSES, manipulator.size)).T
-    zero = np.zeros_like(q)
-    hand = HandSamples(
-        np.zeros(q.shape[1]), *(np.array(o) for o in manipulator.motion(q, zero, zero))
-    )
-    use = float(friction_use(scene, hand).min())
-    allowed = 1.0 - scene.gripper.sticking_margin
-    if use > allowed:
-        full, table = scene.gripper.profile().full, scene.gripper.table
-        given = f"force = {full:g}:" if table is None else f"table = {table}: {full:g} N is"
-        where = "its start pose" if manipulator.start is not None else "any permitted start pose"
-        raise InputError(
-            f"{scene.place}: [gripper] {given} too weak to hold the object at rest in "
-            f"{where}, needs at least {full * use / allowed:.3g} N"
-        )
-
-
-def _check_margin(scene: Scene, manipulator: Manipulator, start: Array) -> None:
-    """InputError if a given start of an arm is nearer a limit than the planner's margin."""
-    if scene.robot is None:
-        return
-    limits = manipulator.planning
-    for name, *values in zip(manipulator.joints, start, limits.q_min, limits.q_max, strict=True):
-        value, low, high = (math.degrees(v) for v in values)
-        if not low <= value <= high:
-            raise InputError(
-                f"{scene.place}: [robot] start_deg: {name} at {value:.2f} must be within "
-                f"[{low:.2f}, {high:.2f}], the limits less position_margin"
-            )

@@ -13,7 +13,7 @@ import throwplan as tp
 from builders import nlp_of, request_of, varied
 from throwplan.planner.ocp import Refinement, ThrowNlp, build_nlp, nlp_functions
 from throwplan.planner.samples import ReleaseSampler, starts
-from throwplan.planner.search import guess_from
+from throwplan.planner.search import NlpCache, Task, release_start
 from throwplan.planner.throw import make_manipulator
 
 
@@ -24,9 +24,9 @@ def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
     releases = sampler.draw(6000)
     target = scene.target
     index = starts(releases, scene, target, "exact", 1)[0][0]
-    flight = releases.flight_time(index, target.z, scene.flight)
-    x = guess_from(nlp, scene, manipulator, releases, int(index), flight)
-    return x, nlp.parameter_values(request_of(scene))
+    problems, task = NlpCache(scene, manipulator), Task(scene, target)
+    start = release_start(problems, task, releases, index, target)
+    return start.guess(nlp), nlp.parameter_values(request_of(scene))
 
 
 @pytest.mark.parametrize(

@@ -95,13 +95,11 @@ def test_the_cache_keeps_a_table_for_all_targets(tmp_path, monkeypatch) -> None:
     scene, draws = tp.load_scene("near-cup"), []
 
     def kept(scene: tp.Scene) -> Releases:
-        manipulator = make_manipulator(scene)
-
         def draw() -> Releases:
             draws.append(1)
-            return ReleaseSampler(scene, manipulator).draw(300)
+            return drawn(scene, 300)
 
-        return stored_releases(scene, manipulator, 300, 0, draw)
+        return stored_releases(scene, 300, 0, draw)
 
     first, again = kept(scene), kept(scene)
     assert len(draws) == 1
