@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from operator import attrgetter
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from ..search import (
     Start,
     Task,
     approach_goal,
+    are_equal,
     attempts,
     fixed_optimum,
     moved_start,
@@ -69,15 +71,14 @@ class KnownThrow:
 class CellTask:
     """A cell, the landing in its middle, and a throw that lands beside it or sampled releases.
 
-    has_throw: whether the cell has a throw, which a cheaper one is to replace. is_edge: whether
-    throws that land beside it were tried in vain, so that it may be beyond the boundary.
+    A cell that may be beyond the boundary has the two throws that land nearest for its source.
+    has_throw: whether the cell has a throw, which a cheaper one is to replace.
     """
 
     cell: Cell
     goal: Pose
-    source: KnownThrow | Releases
+    source: KnownThrow | Releases | tuple[KnownThrow, ...]
     has_throw: bool = False
-    is_edge: bool = False
 
 
 @dataclass(frozen=True)
@@ -107,16 +108,16 @@ class CellSolver:
 
         A throw near it is moved along its slope; from a farther one, or one that was moved often,
         the NLP is solved. Where that fails, steps that know all limits lead to the cell. At the
-        edge the throw is brought as near to the cell as limits let it.
+        edge two throws are brought as near to the cell as limits let them.
         """
         cell, goal, source = cell_task.cell, cell_task.goal, cell_task.source
         clock = Clock.lasting(SETTINGS.patience)
         task = Task(self.problems.scene.aimed_at(goal), goal, ("fatrop",), clock)
         if isinstance(source, Releases):
             return CellResult(cell, self._from_releases(source, task))
+        if isinstance(source, tuple):
+            return self._approached(cell, source, task)
         near = Neighbour.of(source.optimum, goal, self.problems.scene)
-        if cell_task.is_edge:
-            return self._approached(cell, near, task)
         is_near, found = near.distance < SETTINGS.max_distance, None
         if is_near and source.moves < SETTINGS.max_moves:
             found = self._moved(near, source, task)
@@ -133,14 +134,24 @@ class CellSolver:
             return None
         return KnownThrow(last.throw.optimum)
 
-    def _approached(self, cell: Cell, near: Neighbour, task: Task) -> CellResult:
-        """The throw brought to the cell, or as near to it as limits let it."""
-        step = Approach(near.goal, near, near.distance, light=True)
-        *_, last = approach_goal(self.corrector, step, task)
-        if not last.is_edge or last.throw is None or last.edge is None:
-            return CellResult(cell, self._known(last, task))
-        names = last.edge.names
-        return CellResult(cell, None, fixed_optimum(self.corrector.controls, last.throw, names))
+    def _approached(self, cell: Cell, sources: Sequence[KnownThrow], task: Task) -> CellResult:
+        """The first throw that is brought to the cell; else the one that limits let come nearest,
+        if they end the others equally near."""
+        short = list[Attempt]()
+        for source in sources:
+            near = Neighbour.of(source.optimum, task.target, task.scene)
+            step = Approach(near.goal, near, near.distance, light=True)
+            *_, last = approach_goal(self.corrector, step, task)
+            found = self._known(last, task)
+            if found is not None:
+                return CellResult(cell, found)
+            short += [last] if last.is_edge else []
+        if not are_equal(one.missed for one in short):
+            return CellResult(cell, None)
+        nearest = min(short, key=attrgetter("missed"))
+        assert nearest.throw is not None and nearest.edge is not None
+        controls, names = self.corrector.controls, nearest.edge.names
+        return CellResult(cell, None, fixed_optimum(controls, nearest.throw, names))
 
     def _moved(self, near: Neighbour, source: KnownThrow, task: Task) -> KnownThrow | None:
         """The throw moved along its slope; None where it breaks something there."""

@@ -17,16 +17,15 @@ import pickle
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
-from operator import itemgetter
 
 import numpy as np
 
-from ..library import Library, Neighbour, Records
+from ..library import Library, Records
 from ..ocp import Optimum
 from ..samples import Releases, sparse_parents, starts
-from ..search import Clock, NlpCache, are_equal
+from ..search import Clock, NlpCache
 from ..workers import Progress, run_jobs
 from .cell_solver import (
     CellResult,
@@ -46,8 +45,8 @@ class GrowthSettings:
 
     seeds: cells solved from sampled releases; late_seeds: at the end, of cells that random throws
     hit and that no neighbour led to. max_failures: neighbours from which a cell is tried before it
-    counts as beyond the boundary; edge_tries: from which it is then approached. batch: cells in one
-    job of an executor. save_every [s]: longest time of work that a killed process loses.
+    counts as beyond the boundary; edge_sources: from which it is then approached. batch: cells in
+    one job of an executor. save_every [s]: longest time of work that a killed process loses.
     few: fewer throws than this are solved by this process alone, since others take seconds to
     start; processes: by default for more. overshoot: where the reach is larger than random throws
     let it seem, at most this share of the throws asked for is solved; enough: where it is smaller,
@@ -60,7 +59,7 @@ class GrowthSettings:
     seeds: int = 24
     late_seeds: int = 24
     max_failures: int = 2
-    edge_tries: int = 2
+    edge_sources: int = 2
     batch: int = 8
     save_every: float = 5.0
     few: int = 400
@@ -125,11 +124,9 @@ class LibraryBuilder:
         self._target, self._cells, self._most = solver.problems.scene.aim, cells, most
         self._solved: dict[Cell, KnownThrow] = {}
         self._failures: dict[Cell, int] = {}
-        #: Cells that may be beyond the boundary, to be approached; how often a cell was; the throws
-        #: that limits then ended short of it, with their pose errors [m]; cells proven beyond.
+        #: Cells that may be beyond the boundary, to be approached; those that were; those proven.
         self._edge: list[Cell] = []
-        self._tries: dict[Cell, int] = {}
-        self._short: dict[Cell, list[tuple[float, Optimum]]] = {}
+        self._approached: set[Cell] = set()
         self._beyond: set[Cell] = set()
         self._running: dict[Cell, CellTask] = {}
         #: Tasks that come before all others.
@@ -241,29 +238,24 @@ class LibraryBuilder:
         return CellTask(cell, goal, known, has_throw=cell in self._solved)
 
     def _next_at_edge(self) -> CellTask | None:
-        """A cell that no throw beside it led to, to be approached; None while no cell is."""
+        """A cell that no throw beside it led to, to be approached; None while no cell is.
+
+        None is approached beside one that is, or that is proven beyond.
+        """
         if not self._edge and not self._running:
             beside = {beside for cell in self._solved for beside in self._cells.around(cell)}
-            self._edge = sorted(beside - self._solved.keys())
+            self._edge = sorted(beside - self._solved.keys() - self._approached)
         while self._edge:
-            cell = self._edge.pop()
-            if self._is_at_edge(cell):
-                number, known = self._tries.get(cell, 0), list(self._solved)
-                self._tries[cell] = number + 1
-                nearest = np.argsort(np.abs(np.array(known) - cell).sum(axis=1), kind="stable")
-                source = known[int(nearest[min(number, len(known) - 1)])]
-                return replace(self._task(cell, source), is_edge=True)
+            i, j = cell = self._edge.pop()
+            around = set(itertools.product((i - 1, i, i + 1), (j - 1, j, j + 1)))
+            if cell not in self._solved and around.isdisjoint(self._beyond | self._running.keys()):
+                self._approached.add(cell)
+                known = list(self._solved)
+                away = np.abs(np.array(known) - cell).sum(axis=1)
+                nearest = np.argsort(away, kind="stable")[: SETTINGS.edge_sources]
+                sources = tuple(self._solved[known[k]] for k in nearest)
+                return CellTask(cell, self._cells.middle(cell, self._target), sources)
         return None
-
-    def _is_at_edge(self, cell: Cell) -> bool:
-        """Whether a cell is to be approached; not where one beside it is, or is proven beyond."""
-        is_tried = self._tries.get(cell, 0) == SETTINGS.edge_tries
-        if is_tried or cell in self._solved or cell in self._running:
-            return False
-        i, j = cell
-        around = set(itertools.product((i - 1, i, i + 1), (j - 1, j, j + 1)))
-        begun = (0 < self._tries.get(one, 0) < SETTINGS.edge_tries for one in around - {cell})
-        return self._beyond.isdisjoint(around) and not any(begun)
 
     def _releases_near(self, cell: Cell) -> Releases:
         """The sampled releases that land nearest to a cell's middle."""
@@ -304,16 +296,8 @@ class LibraryBuilder:
         if isinstance(source, KnownThrow) and not failures:
             self._record(cell, source.optimum)
         if result.boundary is not None:
-            self._keep_boundary(cell, result.boundary)
-
-    def _keep_boundary(self, cell: Cell, boundary: Optimum) -> None:
-        """Takes up a throw short of a cell; the nearer is recorded if two are equally near."""
-        goal, short = self._cells.middle(cell, self._target), self._short.setdefault(cell, [])
-        near = Neighbour.of(boundary, goal, self._solver.problems.scene)
-        short.append((near.distance, boundary))
-        if are_equal(away for away, _ in short):
             self._beyond.add(cell)
-            self._record(cell, min(short, key=itemgetter(0))[1], boundary=True)
+            self._record(cell, result.boundary, boundary=True)
 
     def _wait_for(self, cell: Cell, source: Cell, effort: float) -> None:
         """Puts a cell that has no throw into the queue."""
@@ -370,7 +354,7 @@ class LibraryBuilder:
                 self._solved[cell] = KnownThrow(self._library.optimum(next(throws)))
             else:
                 self._failures[cell] = SETTINGS.max_failures
-                self._tries[cell] = SETTINGS.edge_tries
+                self._approached.add(cell)
             if boundary:
                 self._beyond.add(cell)
         for cell in self._solved:
