@@ -28,6 +28,8 @@ from ..throw import Manipulator, Throw, column_of
 INSTANTS, FLIGHT_INSTANTS = 24, 40
 #: Times after detach [s] at which the bar is checked against the arm besides those of the palm.
 LATE_TIMES = tuple(np.arange(0.3, 1.3, 0.05).tolist())
+#: Cubics of a table's run-up.
+PIECES = 12
 
 
 def run_up(manipulator: Manipulator, q: Array, dq: Array, ddq: Array, duration: Any) -> list[Array]:
@@ -128,14 +130,11 @@ def in_obstacles(scene: Scene, manipulator: Manipulator, releases: Any, index: i
 
 
 def sampled_throw(scene: Scene, manipulator: Manipulator, releases: Any, index: int) -> Throw:
-    """A table's throw `index`: its run-up, then its acceleration while the pads open."""
-    q, dq, ddq = releases.q[index], releases.dq[index], releases.ddq[index]
+    """A table's throw `index`: its run-up in cubics, as an NLP has it, then its acceleration while
+    the pads open."""
+    state = releases.q[index], releases.dq[index], releases.ddq[index]
     time, opening = float(releases.run_up[index]), scene.gripper.profile().opening
-    opened = [q, dq, ddq / 2, 0 * q, 0 * q, 0 * q]
-    pieces = np.array([run_up(manipulator, q, dq, ddq, time), opened])[:, ::-1]
-    breaks = np.array([0.0, time, time + opening])
-    path = Trajectory(breaks, pieces.transpose(1, 2, 0)[..., None], breaks)
-    return Throw(scene, manipulator, path, time)
+    return Throw(scene, manipulator, carry(manipulator, state, time, opening, PIECES), time)
 
 
 def clears_thrown(

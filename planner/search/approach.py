@@ -115,9 +115,9 @@ def _guess(throw: PlannedThrow, task: Task) -> Callable[[ThrowNlp], Array]:
 
 
 def _reaches(throw: PlannedThrow, goal: Pose) -> bool:
-    """Whether the NLP's own landing is within the tolerance of the goal."""
+    """Whether the NLP's own landing is within the tolerance of its aim at the goal."""
     x, _, theta = throw.planned_landing
-    most, (dx, dtheta) = throw.scene.tolerance, goal.miss(x, theta)
+    most, (dx, dtheta) = throw.scene.tolerance, goal.shifted(*throw.aim).miss(x, theta)
     return bool(abs(dx) <= most.position and abs(dtheta) <= most.angle)
 
 

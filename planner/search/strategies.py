@@ -140,7 +140,8 @@ class Search:
             others.append(Approach(goal, start, far, turns=number == 1))
         # One that breaks something where it lands comes last, then the other way from each.
         others.sort(key=attrgetter("away"))
-        others += [replace(one, turns=not one.turns) for one in others if not one.found]
+        if task.target.theta is not None:
+            others += [replace(one, turns=not one.turns) for one in others if not one.found]
         nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
         others += [] if self.blocked else (replace(one, light=False) for one in nearest)
         last = self.blocked or self.is_sparse
