@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 import os
 import re
 import signal
+import socket
+import ssl
+import struct
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
@@ -144,24 +146,20 @@ def _cluster(address: str) -> Iterator[Executor]:
             raise InputError(
                 f"{place}: needs certificates: distributed.comm.tls of Dask's settings"
             )
-    check_host(place, found[2].strip("[]"))
+    host = found[2].strip("[]")
+    check_host(place, host)
+    _check_scheduler(place, host, int(found[3]), connection.get("ssl_context"))
     distributed = _load_dask(place)
-    # It prints how it failed to read what is no message of its own.
-    logging.getLogger("distributed.protocol.core").disabled = True
     try:
         # In a thread: a notebook's has an event loop of its own.
         with futures.ThreadPoolExecutor(1) as thread:
             asked = _dask_role(distributed, address, connection)
             role = thread.submit(asyncio.run, asked).result()
-    except TimeoutError:
-        raise InputError(f"{place}: no Dask scheduler answers there") from None
-    except Exception as error:  # Dask does not expect all that others may say.
-        words = f"what answers there is no Dask scheduler ({_line(error.__cause__ or error)})"
-        raise InputError(f"{place}: {words}") from None
-    if role != "Scheduler":
-        raise InputError(f"{place}: what answers there is no Dask scheduler but a {role}")
-    try:
+        if role != "Scheduler":
+            raise InputError(f"{place}: what answers there is no Dask scheduler but a {role}")
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(f"{place}: {_line(error)}") from None
     # Failures of a cluster and of the packages on it.
@@ -205,6 +203,30 @@ async def _dask_role(distributed: Any, address: str, connection: dict[str, Any])
         role = str((await comm.read()).get("type"))
         comm.abort()
         return role
+
+
+def _check_scheduler(place: str, host: str, port: int, tls: ssl.SSLContext | None) -> None:
+    """InputError unless a part of Dask seems to answer there.
+
+    Dask's own client waits long for other servers and for unknown names, and does not expect all
+    that they may say.
+    """
+    try:
+        with contextlib.ExitStack() as stack:
+            connection = stack.enter_context(socket.create_connection((host, port), PATIENCE))
+            if tls is not None:
+                connection = stack.enter_context(tls.wrap_socket(connection))
+            # Dask speaks first; its message begins with its length.
+            message = stack.enter_context(connection.makefile("rb"))
+            begin = message.read(8)
+            length = struct.unpack("<Q", begin)[0] if len(begin) == 8 else 0
+            words = message.read(length) if length < 1 << 20 else b""
+    except TimeoutError:
+        raise InputError(f"{place}: no Dask scheduler answers there") from None
+    except (OSError, OverflowError) as error:
+        raise InputError(f"{place}: no Dask scheduler there ({_line(error)})") from None
+    if b"pickle-protocol" not in words:
+        raise InputError(f"{place}: what answers there is no Dask scheduler")
 
 
 def _line(error: BaseException) -> str:
