@@ -137,11 +137,14 @@ class Search:
             start = release_start(context.problems, task, candidates.releases, index, goal)
             far = goal.distance(pose, task.scene.object.half_length) or math.inf
             start = replace(start, goal=pose, again=True)
-            others.append(Approach(goal, start, far, turns=number == 1))
-        # One that breaks something where it lands comes last, then the other way from each.
+            turns = number == 1 and far < math.inf
+            others.append(Approach(goal, start, far, turns=turns))
+        # One that breaks something where it lands comes last, then the other way from the rest. Both
+        # ways from one start are no two that agree.
         others.sort(key=attrgetter("away"))
         if task.target.theta is not None:
-            others += [replace(one, turns=not one.turns) for one in others if not one.found]
+            sound = [one for one in others if not one.found and one.away < math.inf]
+            others += [replace(one, turns=not one.turns) for one in sound]
         nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
         others += [] if self.blocked else (replace(one, light=False) for one in nearest)
         last = self.blocked or self.is_sparse
