@@ -18,7 +18,7 @@ from ...problems import Cost
 from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement, Request
 from ..result import PlannedThrow
-from .attempt import Start
+from .attempt import Attempt, Start
 from .candidates import REGION_STARTS, STARTS, STARTS_AMONG, Candidates, release_start
 from .context import SETTINGS, SearchContext, are_equal
 from .failure import in_column
@@ -194,9 +194,20 @@ class Search:
         agree = is_new and not is_close and are_equal([one.missed for one in edges] + known)
         starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
         is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
+        is_vain = is_vain and self._enters_alike(edges[0])
         if not (agree or is_vain) or self._may_pass(history):
             return False
         return self._is_nearest(least, known + [away for _, _, away in self.arriving.nearest])
+
+    def _enters_alike(self, edge: Attempt) -> bool:
+        """Whether a throw enters the cup with the end of the bar that the target would have first.
+
+        Another says nothing of the target's side of the cup's mouth.
+        """
+        theta, lands = self.task.target.theta, edge.edge and edge.edge.pose.theta
+        if self.task.scene.cup is None or theta is None or lands is None:
+            return True
+        return math.floor(theta / math.pi) == math.floor(lands / math.pi)
 
     def _is_nearest(self, least: float, known: list[float]) -> bool:
         """Whether no known throw lands nearer to the target than `least` [m]."""
