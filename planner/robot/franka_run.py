@@ -284,7 +284,7 @@ def approach(motion: JointMotion, start: Array) -> Array:
     above, over = (lifted_pose(motion.carries[0].space, q, ABOVE).q for q in (start, goal))
     apart = _without_near(motion, start)
     for rising, *way in (motion, raised), (motion, over), (apart, above, over):
-        # A way beyond the arm's limits is none.
+        # A way may break the arm's limits: then another is tried.
         with contextlib.suppress(InputError):
             first, *rest = (
                 _straight(arm, *ends) for ends in itertools.pairwise((start, *way, goal))
