@@ -144,7 +144,7 @@ def _posts(random: np.random.Generator) -> str:
 
 def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
     """Plan and judge random lists, and print times an object and their median and 90 %."""
-    names = ["thrown", "with stops", "ratio", "from the scene's start", "ratio", "planning"]
+    names = ["thrown", "with stops", "ratio", "one by one", "ratio", "planning"]
     names += ["placed", "thrown/placed"] if kind == "near" else []
     print("time an object [s]:", ", ".join(names))
     rows, broken, unsolved, thrown = list[list[float]](), 0, 0, list[ObjectReplay]()
@@ -182,8 +182,8 @@ def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
 def one_by_one(jobs: Jobs, cycle: Cycle) -> float:
     """Time [s] of the same jobs in the same order, as plans and Ruckig's motions of rest to rest.
 
-    Each throw is planned in the least time from the scene's start pose, as `throwplan plan --fast`
-    does. Nothing waits in the way of the motions between, so the time is a lower bound.
+    Each throw is planned in the least time from where the plan chooses to begin, as `throwplan plan
+    --fast` does. Nothing waits in the way of the motions between, so the time is a lower bound.
     """
     limits, place = joint_limits(jobs.arm, range(jobs.arm.joints)), cycle.samples.q[0]
     plans, total = list[Plan](), sum(pick.grasp_time for pick in jobs.picks)

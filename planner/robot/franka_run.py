@@ -285,7 +285,7 @@ def approach(motion: JointMotion, start: Array) -> Array:
     )
     apart = _without_near(motion, start)
     for rising, *way in (motion, raised), (motion, over), (apart, above, over):
-        # A way beyond the arm's limits is none.
+        # A way may break the arm's limits: then another is tried.
         with contextlib.suppress(InputError):
             first, *rest = (_straight(arm, *ends) for ends in itertools.pairwise((now, *way, goal)))
             later = joined(rest)

@@ -20,7 +20,7 @@ from .motions import Carry, JointMotion
 UNOPENED = 3.0
 #: Distance [samples] of the instants at which the arm may stop on the way, and shortest notice.
 STOPS, NOTICE = 10, 2
-#: The grasp is checked this many samples before the arm leaves a pick: it can still stop there.
+#: Time [samples] before the arm leaves a pick at which the grasp is checked: it can still stop.
 GRASP_CHECK = STOPS + NOTICE
 
 

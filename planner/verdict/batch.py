@@ -99,7 +99,7 @@ class Verdicts(ReadOnly):
         return Verdicts(np.concatenate([part.pose for part in parts]), broken, parts[0].cup)
 
 
-#: Success rates tie within this many standard deviations of their difference.
+#: Difference of two success rates, over its standard deviation, up to which they tie.
 DEVIATIONS = 2.0
 
 

@@ -22,7 +22,7 @@ COUNTED = 64
 REPORTED = 1
 #: Seed of the samples that choose a plan; others than those counted, which would flatter it.
 COMPARED = 7
-#: Throws of a comparison of success: as many as a sweep has.
+#: Throws of a comparison of success: the number of a sweep.
 SWEPT = 1000
 #: Findings of throws that do not come to their flight: these rest nowhere.
 STOPPED = (Code.NO_LANDING, Code.RELEASE, Code.SLIP_BEFORE_OPENING)

@@ -25,7 +25,7 @@ DEPTHS = (4, 12)
 CUP_MARGIN = 0.001
 #: Points of each capsule of an outline that are kept off wall and rim.
 CUP_POINTS = 5
-#: A disc this many radii or more over the rim is free. The bound keeps the series small.
+#: Height [radii] over the rim from which a disc is free. The bound keeps the series small.
 HIGH = 3.0
 
 
