@@ -10,7 +10,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ...models import Array, Flags, Indices
+from ...models import Array, Flags
 from ...problems import Pose, Scene
 from ..ocp import Request
 from ..result import PlannedThrow
@@ -39,6 +39,9 @@ JUDGED = 150
 SOUND = 2
 #: Most NLPs solved from one release, each refined by the check of the one before.
 TRIES = 4
+
+#: Table, release, goal and landing of a sampled throw.
+_Judged = tuple[Releases, int, Pose, Pose]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +87,43 @@ class Candidates:
     @cached_property
     def arriving(self) -> Candidates:
         """The releases that clear arm and column, land on the target's side of it, and enter a cup
-        at their landing. A condition that no release meets is ignored."""
+        at their landing with the end first that the target has. A condition that no release meets
+        is ignored."""
+        if self.task.scene.cup is None or self.task.target.theta is None:
+            return self._arriving
+        return (self._entering_as(self.task.target.theta) or self)._arriving
+
+    @cached_property
+    def judged(self) -> list[_Judged]:
+        """(table, release, goal, landing) of near throws that arrive, differ and break nothing
+        where they land.
+
+        The first of the others follows, with the goal for its landing. With a cup, a throw with the
+        other end of the bar first comes before another like the first: limits bring neither to
+        where the other lands, since across the cup's mouth lies no throw into it.
+        """
+        sound, others = self.arriving._sound(SOUND)
+        if self.task.scene.cup is not None and (sound or others):
+            table, index, *_ = (sound or others)[0]
+            landed = table.landings(self.task.target.z, self.task.scene.flight)[1]
+            beyond = self._entering_as(float(landed[index]), alike=False)
+            if beyond is not None:
+                across = beyond._arriving._sound(1)[0]
+                if not sound:
+                    return others[:1] + across
+                sound[1:] = across or sound[1:]
+        return sound + others[:1]
+
+    def _entering_as(self, theta: float, alike: bool = True) -> Candidates | None:
+        """The releases that land in the half turn of an angle [rad], so with the same end of the
+        bar lower, or those that do not; None without any."""
+        landed = self.releases.landings(self.task.target.z, self.task.scene.flight)[1]
+        chosen = np.isfinite(landed) & (same_end(self.task, landed, theta) == alike)
+        return replace(self, releases=self.releases.picked(chosen)) if chosen.any() else None
+
+    @cached_property
+    def _arriving(self) -> Candidates:
+        """The releases that arrive well with either end of the bar first."""
         scene, target, releases = self.task.scene, self.task.target, self.releases
         landing = releases.landings(target.z, scene.flight).T
         good = np.isfinite(landing[:, 2])
@@ -92,32 +131,13 @@ class Candidates:
             good = good & holds if (good & holds).any() else good
         return replace(self, releases=releases.picked(good))
 
-    @cached_property
-    def judged(self) -> list[tuple[int, Pose, Pose]]:
-        """(release, goal, landing) of near throws that differ and break nothing where they land.
-
-        The first of the others follows, with the goal for its landing. With a cup, throws with
-        another end of the bar first come before others like the one found: limits bring neither to
-        where the other lands, since across the cup's mouth lies no throw into it.
-        """
-        sound, others = self._sound(np.arange(len(self.releases.q)), SOUND)
-        if sound and self.task.scene.cup is not None:
-            theta = self.releases.landings(self.task.target.z, self.task.scene.flight)[1]
-            half_turns = np.floor(theta / math.pi)
-            beyond = np.flatnonzero(half_turns != half_turns[sound[0][0]])
-            sound[1:] = (self._sound(beyond, 1)[0] or sound[1:])[:1]
-        return sound + others[:1]
-
-    def _sound(
-        self, among: Indices, count: int
-    ) -> tuple[list[tuple[int, Pose, Pose]], list[tuple[int, Pose, Pose]]]:
-        """`count` of some releases that break nothing, and those before them that do, in order."""
-        sound, others = list[tuple[int, Pose, Pose]](), list[tuple[int, Pose, Pose]]()
-        for k, goal, _ in replace(self, releases=self.releases.picked(among)).different[:JUDGED]:
-            index = int(among[k])
+    def _sound(self, count: int) -> tuple[list[_Judged], list[_Judged]]:
+        """`count` of the releases that break nothing, and those before them that do, in order."""
+        sound, others = list[_Judged](), list[_Judged]()
+        for index, goal, _ in self.different[:JUDGED]:
             with self.task.clock("guess"):
                 pose = self._sound_landing(index, goal)
-            (others if pose is None else sound).append((index, goal, pose or goal))
+            (others if pose is None else sound).append((self.releases, index, goal, pose or goal))
             if len(sound) == count:
                 break
         return sound, others
@@ -137,13 +157,23 @@ class Candidates:
         return bytes(self.releases.q[index].tobytes() + self.releases.detach[index].tobytes())
 
 
+def same_end(task: Task, landed: Array, theta: float) -> Flags:
+    """Whether a bar at angles `landed` (N,) [rad] enters a cup with the end that is lower at
+    `theta`, after as many half turns where turns count."""
+    off = np.floor(landed / math.pi) - math.floor(theta / math.pi)
+    alike: Flags = (off % 2 if task.turns == "any" else off) == 0
+    return alike
+
+
 def _arrivals(scene: Scene, target: Pose, releases: Releases, landing: Array) -> Iterator[Flags]:
     """Flags (N,) of the releases that keep each condition on the way to the target."""
+    has_column = column_of(scene) is not None
+    if has_column:
+        yield np.sign(landing[:, 0]) == np.sign(target.plane_x)
     if scene.cup is not None:
         yield lands_well(scene, releases.detach, landing)
     yield releases.clear
-    if column_of(scene) is not None:
-        yield np.sign(landing[:, 0]) == np.sign(target.plane_x)
+    if has_column:
         yield flies_past_column(scene, releases.detach, landing[:, 2])
 
 

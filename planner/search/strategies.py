@@ -14,12 +14,21 @@ from heapq import merge
 from itertools import islice
 from operator import attrgetter
 
+import numpy as np
+
 from ...problems import Cost
 from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement, Request
 from ..result import PlannedThrow
 from .attempt import Attempt, Start
-from .candidates import REGION_STARTS, STARTS, STARTS_AMONG, Candidates, release_start
+from .candidates import (
+    REGION_STARTS,
+    STARTS,
+    STARTS_AMONG,
+    Candidates,
+    release_start,
+    same_end,
+)
 from .context import SETTINGS, SearchContext, are_equal
 from .failure import in_column
 from .guess import initial_guess_from
@@ -132,15 +141,14 @@ class Search:
         if len(task.solvers) > 1:
             for near in self._nearest(context.found, SETTINGS.approaches, math.inf):
                 others.append(Approach(near.goal, near, near.distance, found=True))
-        candidates = self.arriving
-        for number, (index, goal, pose) in enumerate(candidates.judged):
-            start = release_start(context.problems, task, candidates.releases, index, goal)
+        for number, (table, index, goal, pose) in enumerate(self.candidates.judged):
+            start = release_start(context.problems, task, table, index, goal)
             far = goal.distance(pose, task.scene.object.half_length) or math.inf
             start = replace(start, goal=pose, again=True)
             turns = number == 1 and far < math.inf
             others.append(Approach(goal, start, far, turns=turns))
-        # One that breaks something where it lands comes last, then the other way from the rest. Both
-        # ways from one start are no two that agree.
+        # One that breaks something where it lands comes last, then the other way from the rest:
+        # both ways from one start are no two that agree.
         others.sort(key=attrgetter("away"))
         if task.target.theta is not None:
             sound = [one for one in others if not one.found and one.away < math.inf]
@@ -194,20 +202,21 @@ class Search:
         agree = is_new and not is_close and are_equal([one.missed for one in edges] + known)
         starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
         is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
-        is_vain = is_vain and self._enters_alike(edges[0])
-        if not (agree or is_vain) or self._may_pass(history):
+        settled = (agree or is_vain) and self._enters_alike(edges)
+        if not settled or self._may_pass(history):
             return False
         return self._is_nearest(least, known + [away for _, _, away in self.arriving.nearest])
 
-    def _enters_alike(self, edge: Attempt) -> bool:
+    def _enters_alike(self, edges: Sequence[Attempt]) -> bool:
         """Whether a throw enters the cup with the end of the bar that the target would have first.
 
-        Another says nothing of the target's side of the cup's mouth.
+        Others say nothing of the target's side of the cup's mouth.
         """
-        theta, lands = self.task.target.theta, edge.edge and edge.edge.pose.theta
-        if self.task.scene.cup is None or theta is None or lands is None:
+        theta = self.task.target.theta
+        if self.task.scene.cup is None or theta is None:
             return True
-        return math.floor(theta / math.pi) == math.floor(lands / math.pi)
+        landed = [one.throw.deciding.landing.theta for one in edges if one.throw is not None]
+        return bool(same_end(self.task, np.array(landed), theta).any())
 
     def _is_nearest(self, least: float, known: list[float]) -> bool:
         """Whether no known throw lands nearer to the target than `least` [m]."""
@@ -229,6 +238,7 @@ class Search:
         """
         least = history.edges[0].missed
         ended = least >= SETTINGS.same_distance and not self.task.clock.late
+        ended = ended and self._enters_alike(history.edges)
         is_nearest = self._is_nearest(least, self._stored_distances)
         ends = (self.blocked or ended) and is_nearest and not self._may_pass(history)
         return ends or self.is_settled(history)

@@ -244,7 +244,7 @@ def swings() -> tuple[tp.Plan, ...]:
 
 
 def recorded(swings: tuple[tp.Plan, ...], seed: int, **changes: Any) -> ThrowData:
-    """Three recordings of the joints of each swing, thrown with the true contact."""
+    """Four recordings of the joints of each swing, thrown with the true contact."""
     rng, throws = np.random.default_rng(seed), []
     base = throw_data(swings)
     for plan, throw in zip(swings, base.throws, strict=True):
@@ -255,7 +255,7 @@ def recorded(swings: tuple[tp.Plan, ...], seed: int, **changes: Any) -> ThrowDat
         step, lead = 1 / RATE, round(0.2 * RATE)
         joints = np.pad(path.joints[:: 1000 // RATE], ((lead, lead), (0, 0)), mode="edge")
         times = step * (np.arange(len(joints)) - lead)
-        for repeat in range(3):
+        for repeat in range(4):
             off = rng.normal(size=2) * LANDED
             throws.append(
                 dataclasses.replace(
