@@ -103,16 +103,20 @@ class Candidates:
         where the other lands, since across the cup's mouth lies no throw into it.
         """
         sound, others = self.arriving._sound(SOUND)
-        if self.task.scene.cup is not None and (sound or others):
-            table, index, *_ = (sound or others)[0]
-            landed = table.landings(self.task.target.z, self.task.scene.flight)[1]
-            beyond = self._entering_as(float(landed[index]), alike=False)
-            if beyond is not None:
-                across = beyond._arriving._sound(1)[0]
-                if not sound:
-                    return others[:1] + across
-                sound[1:] = across or sound[1:]
-        return sound + others[:1]
+        beyond = self._across(sound or others)
+        if beyond is not None:
+            across, unsound = beyond._arriving._sound(1)
+            sound[1:] = across or sound[1:]
+            others[1:] = unsound
+        return sound + others[: max(1, SOUND - len(sound))]
+
+    def _across(self, judged: list[_Judged]) -> Candidates | None:
+        """The releases that enter the cup with another end first than the first of those judged."""
+        if self.task.scene.cup is None or not judged:
+            return None
+        table, index, *_ = judged[0]
+        landed = table.landings(self.task.target.z, self.task.scene.flight)[1]
+        return self._entering_as(float(landed[index]), alike=False)
 
     def _entering_as(self, theta: float, alike: bool = True) -> Candidates | None:
         """The releases that land in the half turn of an angle [rad], so with the same end of the

@@ -146,7 +146,7 @@ class Search:
             far = goal.distance(pose, task.scene.object.half_length) or math.inf
             start = replace(start, goal=pose, again=True)
             turns = number == 1 and far < math.inf
-            others.append(Approach(goal, start, far, turns=turns))
+            others.append(Approach(goal, start, far, light=far == math.inf, turns=turns))
         # One that breaks something where it lands comes last, then the other way from the rest:
         # both ways from one start are no two that agree.
         others.sort(key=attrgetter("away"))
@@ -202,8 +202,8 @@ class Search:
         agree = is_new and not is_close and are_equal([one.missed for one in edges] + known)
         starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
         is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
-        settled = (agree or is_vain) and self._enters_alike(edges)
-        if not settled or self._may_pass(history):
+        agree = agree and self._enters_alike(edges)
+        if not (agree or is_vain) or self._may_pass(history):
             return False
         return self._is_nearest(least, known + [away for _, _, away in self.arriving.nearest])
 
@@ -238,7 +238,7 @@ class Search:
         """
         least = history.edges[0].missed
         ended = least >= SETTINGS.same_distance and not self.task.clock.late
-        ended = ended and self._enters_alike(history.edges)
+        ended = ended and bool(history.new_edges)
         is_nearest = self._is_nearest(least, self._stored_distances)
         ends = (self.blocked or ended) and is_nearest and not self._may_pass(history)
         return ends or self.is_settled(history)
@@ -331,13 +331,32 @@ def from_beside(search: Search, history: History) -> Try | None:
     return next(islice(search.approaches, number, None), None)
 
 
+def from_costly(search: Search, history: History) -> Try | None:
+    """A sampled throw that breaks something where it lands, brought near with all that constraints
+    cost."""
+    number = sum(isinstance(one, Approach) for one in history.tries) - len(search.approaches)
+    if search.blocked or number < 0 or search.is_settled(history):
+        return None
+    unsound = (one for one in search.approaches if one.light and isinstance(one.source, Start))
+    return next((replace(one, light=False) for one in islice(unsound, number, None)), None)
+
+
 def from_samples(search: Search, history: History) -> Try | None:
-    """A solver's start from a sampled release that arrives well, then from any, by each solver."""
+    """A solver's start from a sampled release that arrives well, then from any."""
+    return _by_solvers(search, history, search.task.solvers[:1])
+
+
+def from_samples_again(search: Search, history: History) -> Try | None:
+    """Starts from the same releases, by each other solver."""
+    return _by_solvers(search, history, search.task.solvers[1:])
+
+
+def _by_solvers(search: Search, history: History, solvers: Sequence[str]) -> Try | None:
     if search.blocked or search.is_settled(history):
         return None
     tables = search.arriving, search.candidates
     starts = STARTS_AMONG if search.task.scene.obstacle else STARTS
-    counts = [(solver, count) for solver, count in starts if solver in search.task.solvers]
+    counts = [(solver, count) for solver, count in starts if solver in solvers]
     tries = (_from_samples(search, history, tables, *one) for one in counts)
     return next((step for step in tries if step is not None), None)
 
@@ -366,4 +385,6 @@ FROM_NOTHING: tuple[Strategy, ...] = (
     from_nearest_samples,
     from_beside,
     from_samples,
+    from_costly,
+    from_samples_again,
 )
