@@ -146,9 +146,10 @@ class Search:
             far = goal.distance(pose, task.scene.object.half_length) or math.inf
             start = replace(start, goal=pose, again=True)
             turns = number == 1 and far < math.inf
-            others.append(Approach(goal, start, far, light=far == math.inf, turns=turns))
-        # One that breaks something where it lands comes last, then the other way from the rest:
-        # both ways from one start are no two that agree.
+            light = far == math.inf and not self.blocked
+            others.append(Approach(goal, start, far, light=light, turns=turns))
+        # One that breaks something where it lands comes last, and ends before costly constraints
+        # (`from_costly`). Then the other way from the rest: both from one are no two that agree.
         others.sort(key=attrgetter("away"))
         if task.target.theta is not None:
             sound = [one for one in others if not one.found and one.away < math.inf]
@@ -188,9 +189,9 @@ class Search:
 
         The nearest landings are equal and, without a library, not close, or many sampled starts
         lead nowhere (`SearchSettings`); millimetres beside a landing all starts are tried. Landings
-        from throws of earlier plans agree with others only, since these throws may be alike. No
-        throw of the library, nor a sampled one that arrives as a throw to the target would, lands
-        nearer to it.
+        from throws of earlier plans agree with others only, since these throws may be alike, and
+        those that enter a cup with another end first only with one that does not. No throw of the
+        library, nor a sampled one that arrives as a throw to the target would, lands nearer to it.
         """
         edges, library = history.edges, self.context.library
         if not edges:
@@ -200,17 +201,17 @@ class Search:
         is_close = least < SETTINGS.close_distance and not len(library)
         is_new = bool(new) and new[0] <= ratio * least
         agree = is_new and not is_close and are_equal([one.missed for one in edges] + known)
+        agree = agree and self._enters_alike(edges)
         starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
         is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
-        agree = agree and self._enters_alike(edges)
         if not (agree or is_vain) or self._may_pass(history):
             return False
         return self._is_nearest(least, known + [away for _, _, away in self.arriving.nearest])
 
     def _enters_alike(self, edges: Sequence[Attempt]) -> bool:
-        """Whether a throw enters the cup with the end of the bar that the target would have first.
+        """Whether one of the throws enters the cup with the end first that the target has.
 
-        Others say nothing of the target's side of the cup's mouth.
+        Others say little of the target's side of the cup's mouth.
         """
         theta = self.task.target.theta
         if self.task.scene.cup is None or theta is None:
@@ -233,12 +234,12 @@ class Search:
     def is_nearest_possible(self, history: History) -> bool:
         """Whether the nearest landing, once no try is left, is the nearest possible.
 
-        Millimetres from it another motion may still reach the target. No throw of the library may
-        land nearer.
+        Millimetres from it another motion may still reach the target. Throws of earlier plans alone
+        show nothing, and no throw of the library may land nearer.
         """
         least = history.edges[0].missed
-        ended = least >= SETTINGS.same_distance and not self.task.clock.late
-        ended = ended and bool(history.new_edges)
+        ended = least >= SETTINGS.same_distance and bool(history.new_edges)
+        ended = ended and not self.task.clock.late
         is_nearest = self._is_nearest(least, self._stored_distances)
         ends = (self.blocked or ended) and is_nearest and not self._may_pass(history)
         return ends or self.is_settled(history)
@@ -335,7 +336,7 @@ def from_costly(search: Search, history: History) -> Try | None:
     """A sampled throw that breaks something where it lands, brought near with all that constraints
     cost."""
     number = sum(isinstance(one, Approach) for one in history.tries) - len(search.approaches)
-    if search.blocked or number < 0 or search.is_settled(history):
+    if number < 0 or history.found or search.is_settled(history):
         return None
     unsound = (one for one in search.approaches if one.light and isinstance(one.source, Start))
     return next((replace(one, light=False) for one in islice(unsound, number, None)), None)
