@@ -27,15 +27,8 @@ from throwplan.planner.identify import (
     throw_data,
     thrown,
 )
-from throwplan.problems import (
-    Distribution,
-    Grasp,
-    InputError,
-    ThrownObject,
-    Uncertainty,
-    load_scene,
-    scene_text,
-)
+from throwplan.problems import Distribution, Grasp, InputError, ThrownObject, Uncertainty
+from throwplan.problems.scene_files import load_scene, scene_text
 from throwplan.problems.throws import MeasuredThrow, Shared, ThrowData
 
 Array = npt.NDArray[np.float64]
