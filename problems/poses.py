@@ -362,5 +362,5 @@ def _words(middle: float, half_width: float, digits: int) -> str:
 
 
 def _has_many_turns(theta: float) -> bool:
-    """Whether an angle [rad] turns so often that it may be in degrees."""
+    """Whether an angle [rad] is one of many turns, as degrees taken for radians are."""
     return abs(theta) > MANY_TURNS * 2 * math.pi
