@@ -56,14 +56,12 @@ from .problems import (
     Torque,
     Uncertainty,
     Workspace,
-    load_jobs,
-    load_scene,
-    scene_names,
-    scene_text,
 )
 from .problems import PadContact as Contact
 from .problems import Pose as Target
 from .problems import ThrownObject as Object
+from .problems.job_files import load_jobs
+from .problems.scene_files import load_scene, scene_names, scene_text
 from .problems.throws import ThrowData, load_throws
 
 try:

@@ -25,10 +25,10 @@ from throwplan.models.release import (
     SteppedRelease,
 )
 from throwplan.models.release.patch import PatchRelease
-from throwplan.planner.show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Row, Table, number, shown
+from throwplan.planner.show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Row, Table, shown
 
 from .measure import least_time, pareto, quantiles
-from .page import Effort, Picture, ReportSection, panels
+from .page import Effort, Picture, ReportSection, number, panels
 from .plain_pivot import PlainPivot
 from .processes import shared
 from .reference_releases import (

@@ -119,6 +119,11 @@ class ReportSection:
         return "\n".join(lines)
 
 
+def number(cell: object, otherwise: float = math.nan) -> float:
+    """A cell's number, `otherwise` if it has none."""
+    return float(cell) if isinstance(cell, float | int) else otherwise
+
+
 def write_page(folder: Path, parts: dict[str, str], order: Sequence[str]) -> None:
     """The appendix: the sections' parts, by key, in that order."""
     known = [parts[key] for key in order if key in parts]

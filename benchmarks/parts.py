@@ -23,10 +23,10 @@ from throwplan import (
     load_scene,
     scene_names,
 )
-from throwplan.planner.show import BLUE, GREEN, Row, Table, number
+from throwplan.planner.show import BLUE, GREEN, Row, Table
 
 from .measure import planning_time
-from .page import Effort, Picture, ReportSection, panels
+from .page import Effort, Picture, ReportSection, number, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -19,7 +19,8 @@ from throwplan.models import Array
 from throwplan.planner.rest import ContactModel, entry_states, load_mujoco, roll_to_rest
 from throwplan.planner.samples import ReleaseSampler
 from throwplan.planner.show import Row, Table, shown
-from throwplan.planner.verdict import Entries, count_rests, lands_well
+from throwplan.planner.uncertainty import Entries, count_rests
+from throwplan.planner.verdict import lands_well
 
 from .page import Effort, ReportSection
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from throwplan import Distribution, InputError, Plan, Planner, Scene, Uncertainty, load_scene, sweep
-from throwplan.planner.show import BLACK, BLUE, GREY, RED, Row, Table, number, shown
+from throwplan.planner.show import BLACK, BLUE, GREY, RED, Row, Table, shown
 
 from .measure import reachable_targets
-from .page import Effort, Picture, ReportSection, panels
+from .page import Effort, Picture, ReportSection, number, panels
 from .processes import shared
 
 if TYPE_CHECKING:

@@ -33,9 +33,9 @@ from throwplan.core.compile import scratch_folder
 from throwplan.models import Array
 from throwplan.models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from throwplan.planner.identify import Grid, Predictor, grid_of
-from throwplan.planner.show import BLUE, GREEN, RED, Row, Table, number, shown
+from throwplan.planner.show import BLUE, GREEN, RED, Row, Table, shown
 
-from .page import Effort, Picture, ReportSection, panels
+from .page import Effort, Picture, ReportSection, number, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from throwplan.problems import scene_from_table
+from throwplan.problems.scene_files import scene_from_table
 
 from . import shapes
 from .clearance import ADJACENT, LANDS, Flight, Solid

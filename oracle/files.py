@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from throwplan import Plan
-from throwplan.problems import scene_from_table
+from throwplan.problems.scene_files import scene_from_table
 
 from .judge import Oracle
 from .motion import Array, Samples

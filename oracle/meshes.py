@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from throwplan.problems import load_arm
+from throwplan.problems.arms import load_arm
 from throwplan.problems.urdf import chain_of, link_meshes, read_urdf
 
 Array = NDArray[np.float64]

@@ -11,7 +11,8 @@ from pathlib import Path
 from threading import RLock
 from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unpack
 
-from ..problems import Cost, InputError, Pose, Robust, Scene, as_scene, check_arguments, checked
+from ..problems import Cost, InputError, Pose, Robust, Scene, check_arguments, checked
+from ..problems.scene_files import as_scene
 from .clearance import check_obstacles
 from .follow import Response, Session
 from .interception import intercept

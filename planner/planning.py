@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from ..problems import Pose
+import numpy as np
+
+from ..models import Array, FlightState
+from ..problems import Pose, Scene
 from .ocp import Request
 from .result import Plan, PlannedThrow
-from .samples import highest
+from .samples import Releases, highest
 from .search import (
     FROM_NOTHING,
     FROM_THROWS,
@@ -16,10 +21,8 @@ from .search import (
     Search,
     SearchContext,
     Task,
-    contradiction,
     find_throws,
     from_warm_plan,
-    nothing_found,
 )
 
 #: Name of the limit that binds if no sampled release lands at the target's height.
@@ -28,6 +31,8 @@ HEIGHT = "landing height"
 COLUMN = "base column"
 #: Throws among which one like the throws of [calibration] is looked for.
 OTHERS = 4
+#: A bound contradicts the target if all near sampled releases miss it by more than this factor.
+FACTOR = 2.0
 
 
 def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = None) -> Plan:
@@ -38,7 +43,7 @@ def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = N
     search = Search(context, task, warm if warm is not None and _is_of_kind(warm, task) else None)
     history = find_throws(search, FROM_THROWS, History())
     if not history.found:
-        name, words = contradiction(task.scene, context.table, task.target)
+        name, words = _contradiction(task.scene, context.table, task.target)
         if words:
             words = f"no throw found: {words}"
             return unsolved_plan(search, history, words, out_of_reach=False, binding=(name,))
@@ -153,7 +158,7 @@ def _failed_plan(search: Search, history: History) -> Plan:
         return unsolved_plan(search, history, words, binding=(COLUMN,))
     attempts = history.attempts
     broken = [one for one in attempts if one.throw is not None and one.edge is None]
-    words = nothing_found(attempts, broken, task.clock.late)
+    words = _nothing_found(attempts, broken, task.clock.late)
     if edge is not None:
         words += edge.words("; nearest found x", task.target)
     return unsolved_plan(
@@ -170,3 +175,67 @@ def _is_of_kind(warm: PlannedThrow, task: Task) -> bool:
     """Whether a task's NLPs fit a warm plan's throw: not robust, theta fixed in both or neither."""
     robust = warm.layout is not None and warm.layout.structure.robust
     return not robust and (warm.deciding.target.theta is None) == (task.target.theta is None)
+
+
+def _contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) -> tuple[str, str]:
+    """The first bound of [landing], or latest arrival, that contradicts the target: name and words.
+
+    The 200 sampled releases that land nearest decide; both are empty without a contradiction.
+    """
+    bounds, latest = scene.landing, target.window[1]
+    if bounds is None and not math.isfinite(latest):
+        return "", ""
+    table = releases()
+    x, theta, flown = table.landings(target.z, scene.flight)
+    if not np.isfinite(x).any():
+        return "", ""
+    off = scene.object.pose_error(*target.miss(x, theta))
+    near = np.argsort(off)[: min(200, int(np.isfinite(off).sum()))]
+    end = scene.flight.after(FlightState(*table.detach[near].T), flown[near])
+    speed, omega = np.hypot(end.v_x, end.v_z), end.omega
+    # Rates of either sign pass through zero.
+    rate = np.abs(omega) if (omega > 0).all() or (omega < 0).all() else 0 * omega
+    time = table.run_up[near] + scene.gripper.profile().opening + flown[near]
+    bounds_of: list[tuple[str, float | None, Array, str]] = [
+        ("[target] arrival", latest, time, "s")
+    ]
+    if bounds is not None:
+        bounds_of += [
+            ("[landing] speed_max", bounds.speed_max, speed, "m/s"),
+            ("[landing] rate_max", bounds.rate_max, rate, "rad/s"),
+            ("[landing] speed_min", bounds.speed_min or None, -speed, "m/s"),
+        ]
+    for name, bound, values, unit in bounds_of:
+        words = _words(name, bound, values, unit)
+        if words:
+            return name.split()[1], words
+    return "", ""
+
+
+def _words(name: str, bound: float | None, values: Array, unit: str) -> str:
+    """Why values contradict an upper bound, or (values negative) a lower one; else empty."""
+    least = float(values.min())
+    if bound is None:
+        return ""
+    if least > 0 and least > FACTOR * bound:
+        how = f"at least about {least:.2g} {unit}"
+    elif least < 0 and -least * FACTOR < bound:
+        how = f"at most about {-least:.2g} {unit}"
+    else:
+        return ""
+    kind = "after" if unit == "s" else "with"
+    return f"{name} = {bound:g}: throws to this target land {kind} {how}"
+
+
+def _nothing_found(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bool) -> str:
+    """Why there is no throw, in words: how many attempts there were, and what they broke."""
+    if not tried:
+        begun = "time was over before the first attempt"
+        words = f"no throw found: {begun if late else 'no feasible release to start from'}"
+    else:
+        words = f"no throw found in {len(tried)} attempts"
+        if len(broken) < len(tried):
+            words += f": {len(tried) - len(broken)} led to no motion that keeps all constraints"
+        if broken:
+            words += f"; what a throw broke: {broken[0].reason}"
+    return words + ("; time is over, more patience may help" if late else "")

@@ -33,7 +33,7 @@ from .search import (
     initial_guess_from,
     release_start,
 )
-from .verdict import RestingThrow
+from .uncertainty import RestingThrow
 
 
 @dataclass(frozen=True)

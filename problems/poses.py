@@ -110,7 +110,7 @@ class Pose(Section):
         of so many turns that it may be in degrees.
         """
         x, z, theta = _finite(values)
-        if abs(theta) > MANY_TURNS * 2 * math.pi:
+        if _has_many_turns(theta):
             raise ValueError
         return Pose(x, z, theta)
 
@@ -200,6 +200,14 @@ class Pose(Section):
             until = "" if latest == earliest else f" to {latest:g}"
             words += f", landing at {earliest:g}{until} s"
         return words
+
+    @property
+    def angle_hint(self) -> str:
+        """What messages add for an angle that may be in degrees; empty for others."""
+        if self.theta is None or not _has_many_turns(self.theta):
+            return ""
+        turns = self.theta / (2 * math.pi)
+        return f"; theta {self.theta:g} rad is {turns:.1f} turns: Pose takes radians"
 
     @property
     def away(self) -> float:
@@ -351,3 +359,8 @@ def _words(middle: float, half_width: float, digits: int) -> str:
     if not half_width:
         return f"{middle:.{digits}f}"
     return f"{middle - half_width:.{digits}f} to {middle + half_width:.{digits}f}"
+
+
+def _has_many_turns(theta: float) -> bool:
+    """Whether an angle [rad] is one of many turns, as degrees taken for radians are."""
+    return abs(theta) > MANY_TURNS * 2 * math.pi

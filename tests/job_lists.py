@@ -19,7 +19,7 @@ from throwplan.planner.cycle import Cycle, place_jobs, plan_cycle, save_cycle
 from throwplan.planner.result import Plan, joint_samples, sent_throw
 from throwplan.planner.robot import ObjectReplay, replay_cycle
 from throwplan.planner.throw import TICK, State, joint_limits, transfer
-from throwplan.problems import Jobs, load_jobs
+from throwplan.problems.job_files import Jobs, load_jobs
 
 from oracle import broken_limits
 

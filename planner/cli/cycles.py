@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ...problems import load_jobs
+from ...problems.job_files import load_jobs
 from ..cycle import CYCLE_FILES, place_jobs, plan_cycle, save_cycle
 from .common import (
     DONE,

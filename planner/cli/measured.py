@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
-from ...problems import Calibration, InputError, load_scene
+from ...problems import Calibration, InputError
 from ...problems.files import prepare_folder, read_text, toml_tables
+from ...problems.scene_files import load_scene
 from ...problems.throws import THROW_DATA_FILES, ThrowData, load_throws, write_throws
 from ..identify import (
     CALIBRATE_FILES,

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ...problems import load_scene
+from ...problems.scene_files import load_scene
 from .. import robot
 from ..cycle import is_cycle
 from ..planner import Planner

@@ -11,18 +11,10 @@ from typing import Any
 
 from ...interrupts import INTERRUPTED, INTERRUPTS
 from ...models.release import BATCH_MODELS, MODELS
-from ...problems import (
-    Cost,
-    InputError,
-    Robust,
-    Scene,
-    jobs_names,
-    jobs_text,
-    load_scene,
-    scene_names,
-    scene_text,
-)
+from ...problems import Cost, InputError, Robust, Scene
 from ...problems.files import copy_out, filling, write_json
+from ...problems.job_files import jobs_names, jobs_text
+from ...problems.scene_files import load_scene, scene_names, scene_text
 from ..planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner
 from ..reach import MAP_FILES, MOST, check_map, reach_map
 from ..result import Plan, plan_of

@@ -18,15 +18,8 @@ from ...problems import Obstacle, Pose, Scene, check_arguments
 from ...problems.files import plain
 from ..clearance import SpatialScene
 from ..throw import NO_SAMPLES, TICK, Manipulator, Samples, State, Throw, braked, make_manipulator
-from ..verdict import (
-    Finding,
-    Verdict,
-    calibrated_landing,
-    flight_findings,
-    motion_verdict,
-    verdict,
-    warnings,
-)
+from ..uncertainty import warnings
+from ..verdict import Finding, Verdict, calibrated_landing, flight_findings, motion_verdict, verdict
 from .waiting import among, waiting_object
 
 #: What is known of the order of picks, in words.

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ...models import Indices
-from ..throw import TICK, Samples, State, Transfer, gentle_transfer, joint_limits, transfer
+from ..throw import TICK, Limits, Samples, State, Transfer, joint_limits, transfer
 from ..verdict import first_finding
 from .connections import (
     DIRECT,
@@ -46,6 +46,9 @@ ENDS = (0.6, 0.8, 0.95)
 RISE = 150
 #: Shares of the time until the pads may open in which the other joints turn.
 TURNS = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
+#: Least share of the limits on acceleration and jerk of a gentle motion, and the number of
+#: bisections that find its share.
+LEAST_SHARE, SHARE_STEPS = 0.02, 7
 
 
 def enter_connection(
@@ -143,7 +146,7 @@ class _Entrance:
         """All joints: the throwing ones wait and swing, the others turn in `turn` samples."""
         if turn not in self._turned:
             start, goal = _of(self.pick, self.aside), _of(state_at(self._throw, 0), self.aside)
-            self._turned[turn] = gentle_transfer(self.aside_limits, start, goal, turn)
+            self._turned[turn] = _gentle_transfer(self.aside_limits, start, goal, turn)
         turned = self._turned[turn]
         assert turned is not None
         rows = np.zeros((3, wait + len(swing.q), len(self.pick.q)))
@@ -192,6 +195,21 @@ def _stretched(swing: Samples, speed: float, end: int) -> Samples | None:
     rate, change = rate[:, None], change[:, None]
     found = np.array([q, dq * rate, ddq * rate**2 + dq * change])
     return Samples(*np.concatenate([found, swing.rows[:, end:]], axis=1))
+
+
+def _gentle_transfer(limits: Limits, start: State, goal: State, ticks: int) -> Transfer | None:
+    """The motion from rest to rest that takes a number of samples, with little acceleration.
+
+    None if they are too few.
+    """
+    low, high, best = math.log(LEAST_SHARE), 0.0, transfer(limits, start, goal)
+    if best is None or best.ticks > ticks:
+        return None
+    for _ in range(SHARE_STEPS):
+        middle = (low + high) / 2
+        found = transfer(limits, start, goal, 1.0, math.exp(middle))
+        low, high = (middle, high) if found is None or found.ticks > ticks else (low, middle)
+    return transfer(limits, start, goal, 1.0, math.exp(high), ticks)
 
 
 def _of(state: State, joints: Indices) -> State:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import InputError, check_arguments, scene_from_table
+from ...problems import InputError, check_arguments
 from ...problems.files import filling, read_json, write_json
+from ...problems.scene_files import scene_from_table
 from ..result import complete, read_samples, write_table
 from ..throw import TICK
 from .cycle import ORDERS, Cycle, CycleStep

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...models import Array
-from ...problems import Jobs
+from ...problems.job_files import Jobs
 from ..clearance import SpatialScene
 from ..throw import Samples, State
 from .connections import (

@@ -19,8 +19,9 @@ from typing import Any, cast
 import numpy as np
 
 from ...models import Array, ReadOnly
-from ...problems import Bin, InputError, Jobs, Pick, check_arguments
+from ...problems import InputError, check_arguments
 from ...problems.files import plain
+from ...problems.job_files import Bin, Jobs, Pick
 from ..clearance import SpatialScene
 from ..throw import (
     NO_SAMPLES,

@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ...models import Array
-from ...problems import InputError, Jobs, Pick, Pose, Scene, check_arguments
+from ...problems import InputError, Pose, Scene, check_arguments
+from ...problems.job_files import Jobs, Pick
 from ..clearance import SpatialScene
 from ..planner import Planner
 from ..result import Plan

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from ...problems import Jobs
+from ...problems.job_files import Jobs
 from ..throw import TICK
 from .connections import Connection, CycleThrow, Option, joined, still
 from .cycle import Cycle, CycleStep, UnsolvedError

@@ -11,7 +11,8 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import segment_distance
-from ...problems import InputError, Jobs, Obstacle
+from ...problems import InputError, Obstacle
+from ...problems.job_files import Jobs
 from ..clearance import SpatialScene, bar_radii, contacts
 from ..throw import Samples, Throw, make_manipulator
 from ..verdict import obstacles_hit

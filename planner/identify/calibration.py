@@ -11,8 +11,9 @@ import numpy as np
 
 from ...models import Array, Flags
 from ...models.release import MODELS
-from ...problems import Calibration, InputError, Scene, as_scene, check_arguments, checked
+from ...problems import Calibration, InputError, Scene, check_arguments, checked
 from ...problems.files import filling, write_json
+from ...problems.scene_files import as_scene
 from ...problems.throws import ThrowData, load_throws
 from ..show import BLUE, GREEN, GREY, RED, new_figure, save
 from ..verdict import region_words

@@ -18,7 +18,7 @@ from ...problems import InputError, Pose, Scene
 from ..planner import PATIENCE, Planner
 from ..reach import ReachMap, reach_map
 from ..result import Plan, check_overwrites, throw_of
-from ..show import RED, Panel, put, space_throw
+from ..show import RED, Panel, space_throw
 from .around import (
     bands,
     cloud_words,
@@ -233,7 +233,7 @@ class PlayPage:
             self.panel.view.fade(not plan.solved)
             self._nearest.visible = plan.nearest is not None
             if plan.nearest is not None:
-                put(self._nearest, self.panel.throw.target(plan.nearest))
+                self.panel.view.place(self._nearest, plan.nearest)
             self.strip.content = plan_words(plan)
 
     def _map(self, request: PlanRequest) -> None:

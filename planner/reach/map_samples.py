@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from ...models import Array, Flags
-from ...problems import Scene, as_scene, check_arguments, checked
+from ...problems import Scene, check_arguments, checked
+from ...problems.scene_files import as_scene
 from ..clearance import held_bar, lowest_of_bar, palm_corners
 from ..library import Library
 from ..ocp import CUP_MARGIN, FLIGHT_MAX, PASSING_MARGIN

@@ -14,8 +14,9 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
-from ...problems import InputError, check_arguments, scene_from_table
+from ...problems import InputError, check_arguments
 from ...problems.files import read_csv, read_json
+from ...problems.scene_files import scene_from_table
 from ..show import over_time
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
 

@@ -15,16 +15,14 @@ from ...problems.files import filling, plain, write_json
 from .. import show
 from ..ocp import load_curve
 from ..throw import Manipulator, Throw, torque_limits
+from ..uncertainty import DelayTolerance, RestCount, warnings
 from ..verdict import (
     CalibratedLanding,
-    DelayTolerance,
-    RestCount,
     Verdict,
     bound_words,
     calibrated_landing,
     drop_words,
     verdict,
-    warnings,
 )
 from .files import FILES, FORMAT, PlanPath, SavedThrow, Status, path_of, read_plan, write_motion
 from .planned_throw import PlannedThrow

@@ -11,7 +11,7 @@ from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import Pose, Scene
 from ..ocp import BASE, Layout, Optimum, Refinement, Solution
 from ..throw import Manipulator, Samples, Throw
-from ..verdict import RestCount, count_rests
+from ..uncertainty import RestCount, count_rests
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,7 +13,8 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import Arm
-from ...problems import InputError, load_arm
+from ...problems import InputError
+from ...problems.arms import load_arm
 from ..throw import TICK
 from ..workers import check_host
 from .gripper import FORCES, OPEN_WIDTH, SPEED, GripperLink, GripperState

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import Distribution, GripperData, InputError, load_arm
+from ...problems import Distribution, InputError
+from ...problems.arms import GripperData, load_arm
 from .franka import ARM, check_port
 from .gripper import MOVED, OPEN_WIDTH, PORT, SPEED, GripperLink
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.robot import Arm, PlanarArm
-from ...problems import InputError, load_arm
+from ...problems import InputError
+from ...problems.arms import load_arm
 from ..clearance import SpatialScene
 from ..cycle import Cycle, is_cycle, read_cycle
 from ..result import Plan, joint_samples, throw_of

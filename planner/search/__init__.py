@@ -5,17 +5,15 @@ from .attempt import Attempt, Start, attempts, error_over
 from .candidates import release_start
 from .context import SearchContext, are_equal
 from .continuation import SqpContinuation
-from .failure import check_start, contradiction, nothing_found
+from .feasibility import check_start
 from .guess import initial_guess_from, remaining_throw, remaining_trajectory
 from .history import Approach, Entry, History, Solve
 from .loop import find_throws
 from .move import (
-    CORRECTOR,
     Corrector,
     fixed_optimum,
     moved_start,
     optimum_of,
-    throw_of,
 )
 from .nlp_cache import Clock, NlpCache, Task
 from .strategies import FROM_NOTHING, FROM_THROWS, Search, from_warm_plan

@@ -16,7 +16,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ...models import Array, Trajectory
-from ...problems import MANY_TURNS, Pose, Scene
+from ...problems import Pose, Scene
 from ..ocp import BASE, Refinement, Request, Solution, ThrowNlp, WarmStart
 from ..result import PlannedThrow
 from ..throw import SmoothingError, Throw, send
@@ -80,11 +80,7 @@ class NearestFeasible:
         angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"
         limits = f" (limited by {', '.join(self.names[:4])})" if self.names else ""
         aside = f", y {pose.y:.3f} m" if target.y or abs(pose.y) > 5e-4 else ""
-        words = f"{what} {pose.x:.3f} m{aside}{angle}{limits}"
-        if target.theta is None or abs(target.theta) < MANY_TURNS * 2 * math.pi:
-            return words
-        turns = target.theta / (2 * math.pi)
-        return f"{words}; theta {target.theta:g} rad is {turns:.1f} turns: Pose takes radians"
+        return f"{what} {pose.x:.3f} m{aside}{angle}{limits}{target.angle_hint}"
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from ...problems import Pose
 from ..library import Neighbour
 from ..ocp import BASE, Refinement
 from ..result import PlannedThrow
-from ..verdict import landing_spread
+from ..uncertainty import landing_spread
 from .attempt import Attempt, Start
 
 #: Throws differ if their coordinates or rates at the opening's start do by more than this share.

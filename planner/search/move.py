@@ -15,12 +15,12 @@ import numpy as np
 
 from ...core import MoveC, MovedC, SamplesC, library
 from ...models import Array, Trajectory
-from ...models.release import STEPPED_SURFACE, Release
+from ...models.release import STEPPED_SURFACE, Release, compiled_release
 from ...problems import Pose
 from ..library import Neighbour
 from ..ocp import CondensedQp, Layout, Margins, Optimum, ReducedVariables, Request, Solution
 from ..result import PlannedThrow
-from ..throw import TICK, Manipulator, Samples, Throw, release_numbers, send
+from ..throw import TICK, Manipulator, Samples, Throw, case_of, send
 from ..verdict import verdict
 from .attempt import Attempt, Start, accuracy
 from .guess import initial_guess_from
@@ -92,7 +92,9 @@ class Corrector:
     def _fixed(self) -> MoveC:
         """The arguments that are equal for all moves."""
         scene, manipulator = self.problems.scene, self.problems.manipulator
-        release = release_numbers(scene, manipulator)
+        # Its motion and delay are those of each move.
+        rest = Trajectory.accelerating(np.zeros(manipulator.size))
+        release = compiled_release(case_of(scene, manipulator.hand(rest)))
         found, limits = self.controls.core.copy(), manipulator.hard
         found.surface, found.throws = scene.tolerance.model == STEPPED_SURFACE, THROWS
         found.nearer, found.gravity = MIN_PROGRESS, scene.gravity

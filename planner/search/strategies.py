@@ -30,7 +30,7 @@ from .candidates import (
     same_end,
 )
 from .context import SETTINGS, SearchContext, are_equal
-from .failure import in_column
+from .feasibility import in_column
 from .guess import initial_guess_from
 from .history import Approach, History, Move, Solve, Try
 from .move import moved_start, optimum_of

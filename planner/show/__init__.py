@@ -1,4 +1,4 @@
-"""Pictures, GIF, film and 3-D view of throws and releases in one style, and tables."""
+"""Pictures, films and the 3-D view of throws and releases in one style, and tables."""
 
 from .cycle_view import SpaceCycle
 from .drawings import draw_bars, draw_cup, draw_flight
@@ -6,9 +6,9 @@ from .release_pictures import draw_releases
 from .scene_picture import draw_scene
 from .server import Panel, empty_page, open_browser, run_panel, serving
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, new_figure, save
-from .tables import Row, Table, number, shown
+from .tables import Row, Table, shown
 from .throw_picture import draw_throw, draw_throw_moving
 from .timeline import timeline as over_time
-from .view import put, rgb
+from .view import rgb
 from .view_painter import save_in_space
 from .view_throw import SpaceThrow, space_throw

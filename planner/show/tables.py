@@ -80,8 +80,3 @@ def shown(cell: Cell, digits: int = 3) -> str:
     if isinstance(cell, float):
         return f"{cell:.0f}" if round(abs(cell)) >= 10**digits else f"{cell:.{digits}g}"
     return str(cell)
-
-
-def number(cell: Cell, otherwise: float = math.nan) -> float:
-    """A cell's number, `otherwise` if it has none."""
-    return float(cell) if isinstance(cell, float | int) else otherwise

@@ -97,10 +97,14 @@ class ObjectView:
 
     def aim(self, target: Pose) -> None:
         """Moves target and cup to a target pose."""
-        put(self.target, self.throw.target(target))
+        self.place(self.target, target)
         cup = self.throw.scene.aimed_at(target).cup
         if cup is not None:
             self.cup.position = target.plane.points(cup.x, cup.rim)
+
+    def place(self, node: Any, target: Pose) -> None:
+        """Moves a node to a target pose."""
+        put(node, self.throw.target(target))
 
     def _body(self, node: Any) -> Any:
         """Keeps a shape that moves with the throw, to fade it; returns it."""

@@ -36,8 +36,9 @@ from ...models.release import (
     ReleaseModel,
 )
 from ...models.robot import Arm, PlanarArm, hand_motion
-from ...problems import InputError, Motion, Scene, as_scene, check_arguments
+from ...problems import InputError, Motion, Scene, check_arguments
 from ...problems.files import plain
+from ...problems.scene_files import as_scene
 from ..throw import LandingPoint, case_of
 
 #: Largest angle [rad] between the arm's posture and a recorded joint that does not throw.

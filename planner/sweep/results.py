@@ -16,9 +16,10 @@ from ...problems.files import filling, plain, write_json
 from ..result import Plan
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
 from ..throw import ThrowBatch
-from ..verdict import DelayScan, RestCount, Sampler, Verdicts, unit_of
+from ..uncertainty import DelayScan, RestCount, Sampler
+from ..verdict import Verdicts
 from .statistics import OUTER, delay_band, quantiles, swings
-from .summary import sweep_summary
+from .summary import sweep_summary, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,7 +16,8 @@ from ...problems import Mesh, Robust, Scene
 from ..ocp import Request, peak_load
 from ..result import Plan
 from ..search import Attempt, NlpCache, Start, Task, attempts, initial_guess_from
-from ..verdict import is_as_successful, sampler_of
+from ..uncertainty import sampler_of
+from ..verdict import is_as_successful
 from .results import pose_errors
 from .running import SAMPLES, SEED, judge_of, run_sweep
 from .statistics import ROUNDING, quantiles

@@ -18,7 +18,8 @@ from ...problems import InputError, check_arguments, checked
 from ..result import Plan, SavedThrow, plan_of
 from ..simulation import named_model
 from ..throw import ThrowBatch
-from ..verdict import FURTHEST, Entries, Judge, Sampler, Verdicts, sampler_of, scan_delays
+from ..uncertainty import FURTHEST, Entries, Sampler, sampler_of, scan_delays
+from ..verdict import Judge, Verdicts
 from ..workers import Progress, run_jobs
 from .results import Sweep
 from .statistics import derivatives, variance_shares

@@ -10,7 +10,7 @@ from ...models import Array
 from ...models.release import MODELS
 from ...problems import Distribution, Uncertainty
 from ..throw import ThrowBatch
-from ..verdict import Sampler, with_delays
+from ..uncertainty import Sampler, with_delays
 
 #: Reported quantiles of the errors [%].
 QUANTILES = (50, 90, 95, 99)

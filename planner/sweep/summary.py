@@ -6,9 +6,9 @@ import math
 from typing import Any
 
 from ...models.release import MODELS
-from ...problems import Uncertainty
+from ...problems import Distribution, Uncertainty
 from ..result import Plan
-from ..verdict import Code, unit_of, words_of
+from ..verdict import Code
 
 #: Errors in the table by their JSON key: label, unit, factor from SI, definition.
 ERRORS = {
@@ -16,6 +16,15 @@ ERRORS = {
     "angle": ("angle", "deg", math.degrees(1.0), ""),
     "scaled": ("pose error", "mm", 1e3, "  position plus angle times half the length"),
 }
+#: Names of parameters with their factor from SI and unit; all others are lengths or angles.
+UNITS = (
+    (("hand_vx", "hand_vz"), 1e3, "mm/s"),
+    (("hand_omega",), math.degrees(1.0), "deg/s"),
+    (("delay", "opening"), 1e3, "ms"),
+    (("friction",), 1.0, ""),
+    (("mass",), 1e3, "g"),
+    (("inertia",), 1e6, "kg mm²"),
+)
 
 
 def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
@@ -23,7 +32,7 @@ def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
     tolerance, uncertainty = plan.scene.tolerance, plan.scene.uncertainty
     usual = " (no [uncertainty] in the scene: assumed)" if result["assumed"] else ""
     lines = [f"{label}: {result['samples']:,} throws by the {MODELS[result['model']].title}"]
-    lines += [f"  {line}{usual}" for line in words_of(uncertainty or Uncertainty.USUAL)]
+    lines += [f"  {line}{usual}" for line in _words_of(uncertainty or Uncertainty.USUAL)]
     box = "in the region, " if plan.target.is_region else ""
     box += f"within {1e3 * tolerance.position:g} mm"
     if plan.target.theta is not None:
@@ -88,3 +97,29 @@ def _cell(value: float | None, scale: float, width: int, form: str) -> str:
 
 def _delay(value: float | None, beyond: str) -> str:
     return f"beyond {beyond} ms" if value is None else f"{1e3 * value:+.2f} ms"
+
+
+def _words_of(section: Uncertainty) -> list[str]:
+    """The uncertain parameters as text: one line each, in the units of the file."""
+    lines = []
+    for name in section.names:
+        spread: Distribution = getattr(section, name)
+        unit = math.degrees(1.0) if Uncertainty.PARAMETERS[name].degrees else 1.0
+        times = " x the scene's" if spread.relative else ""
+        if spread.uniform is not None:
+            words = f"uniform +-{unit * spread.uniform:g}{times}"
+        elif spread.normal is not None:
+            words = f"normal, deviation {unit * spread.normal:g}{times}"
+        else:
+            words = f"{len(spread.samples)} given values{times}"
+        about = "" if spread.mean is None else f" about {unit * spread.mean:g}"
+        lines.append(f"{Uncertainty.PARAMETERS[name].key}: {words}{about}")
+    return lines
+
+
+def unit_of(name: str) -> tuple[float, str]:
+    """Factor and unit in which people read a parameter."""
+    for names, factor, unit in UNITS:
+        if name in names:
+            return factor, unit
+    return (math.degrees(1.0), "deg") if Uncertainty.PARAMETERS[name].degrees else (1e3, "mm")

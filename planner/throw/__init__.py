@@ -23,6 +23,5 @@ from .throw import (
     case_of,
     column_of,
     cup_entries,
-    release_numbers,
 )
-from .transfers import Transfer, arm_excesses, gentle_transfer, transfer
+from .transfers import Transfer, arm_excesses, transfer

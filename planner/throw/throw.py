@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...core import Measured, ReleaseC, SceneC, ThrowC, library
+from ...core import Measured, SceneC, ThrowC, library
 from ...models import Array, FlightLaw, FlightState, HandSamples, HandTrack, Trajectory
 from ...models.release import (
     SLIDING_PIVOT,
     STEPPED_SURFACE,
     Release,
     ReleaseCase,
-    compiled_release,
     exact_pivot_release,
     exact_surface_release,
     shape_for_core,
@@ -386,9 +385,3 @@ def case_of(scene: Scene, hand: HandTrack, hand_error: float = 0.0) -> ReleaseCa
     """
     angle, grip = scene.grasp.angle + hand_error, scene.gripper.profile()
     return ReleaseCase(scene.body, scene.patch, grip, hand, scene.gravity, angle)
-
-
-def release_numbers(scene: Scene, manipulator: Manipulator) -> ReleaseC:
-    """A scene's release for the core, its motion and delay left open."""
-    rest = Trajectory.accelerating(np.zeros(manipulator.size))
-    return compiled_release(case_of(scene, manipulator.hand(rest)))

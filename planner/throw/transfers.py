@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 
 #: Most attempts at a duration of whole samples.
 ROUNDINGS = 5
-#: Least share of the limits on acceleration and jerk of a gentle motion, and the number of
-#: bisections that find its share.
-LEAST_SHARE, SHARE_STEPS = 0.02, 7
 
 
 @dataclass(frozen=True)
@@ -98,21 +95,6 @@ def transfer(
     except ruckig.RuckigError:
         pass
     return None
-
-
-def gentle_transfer(limits: Limits, start: State, goal: State, ticks: int) -> Transfer | None:
-    """The motion from rest to rest that takes a number of samples, with little acceleration.
-
-    None if they are too few.
-    """
-    low, high, best = math.log(LEAST_SHARE), 0.0, transfer(limits, start, goal)
-    if best is None or best.ticks > ticks:
-        return None
-    for _ in range(SHARE_STEPS):
-        middle = (low + high) / 2
-        found = transfer(limits, start, goal, 1.0, math.exp(middle))
-        low, high = (middle, high) if found is None or found.ticks > ticks else (low, middle)
-    return transfer(limits, start, goal, 1.0, math.exp(high), ticks)
 
 
 def arm_excesses(arm: Arm, sent: Samples) -> list[Excess]:

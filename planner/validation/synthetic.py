@@ -22,16 +22,8 @@ import numpy as np
 from ...models import Array, Body, Contact, FlightLaw, FlightState, Trajectory, sticking_state
 from ...models.release import LinearGrip, ReleaseBatch, TableGrip
 from ...models.release.patch import PATCH_CHUNK, PatchRelease, PatchThrows
-from ...problems import (
-    Grasp,
-    Gripper,
-    InputError,
-    PadContact,
-    Scene,
-    ThrownObject,
-    Workspace,
-    load_scene,
-)
+from ...problems import Grasp, Gripper, InputError, PadContact, Scene, ThrownObject, Workspace
+from ...problems.scene_files import load_scene
 from ...problems.throws import MeasuredThrow, Shared, ThrowData
 from ..samples import carry
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator, send

@@ -6,7 +6,6 @@ This package alone decides on landing, grip, cup and clearances.
 from .batch import Judge, Verdicts, is_as_successful
 from .calibrated import CalibratedLanding, calibrated_landing, region_words
 from .carry import grip_use
-from .delays import FURTHEST, DelayScan, DelayTolerance, scan_delays, with_delays
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .in_space import (
     first_finding,
@@ -16,14 +15,4 @@ from .in_space import (
     obstacles_hit,
 )
 from .landing import bound_words, drop_words, lands_well
-from .resting import Entries, RestCount, RestingThrow, count_rests
 from .single import FLYING, collision, held_verdict, outside_tolerance, verdict
-from .uncertainty import (
-    Sampler,
-    landing_spread,
-    quantile,
-    sampler_of,
-    unit_of,
-    warnings,
-    words_of,
-)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pytest
 import throwplan as tp
 from builders import profile_bin
+from throwplan import load_scene, scene_text
 from throwplan.models.release import TableGrip
 from throwplan.planner.identify import (
     Belief,
@@ -27,15 +28,7 @@ from throwplan.planner.identify import (
     throw_data,
     thrown,
 )
-from throwplan.problems import (
-    Distribution,
-    Grasp,
-    InputError,
-    ThrownObject,
-    Uncertainty,
-    load_scene,
-    scene_text,
-)
+from throwplan.problems import Distribution, Grasp, InputError, ThrownObject, Uncertainty
 from throwplan.problems.throws import MeasuredThrow, Shared, ThrowData
 
 Array = npt.NDArray[np.float64]

@@ -23,7 +23,7 @@ from throwplan.planner.throw import (
     transfer,
 )
 from throwplan.planner.verdict import grip_use, motion_verdict
-from throwplan.problems import Jobs, load_jobs
+from throwplan.problems.job_files import Jobs, load_jobs
 
 PICK = "[[pick]]\nname = {name!r}\njoints_deg = [{turn}, -8.62, 0.0, -126.61, 0.0, 117.99, 45.0]\n"
 BIN = "[[bin]]\nname = {name!r}\n[bin.target]\nx = {x}\ny = {y}\nz = 0.22\n{more}\n"

@@ -15,7 +15,7 @@ from throwplan.models.release import MODELS
 from throwplan.planner.cli import Progress, main
 from throwplan.planner.sweep import sweep_until_stopped
 from throwplan.planner.throw import Throw, ThrowBatch, make_manipulator
-from throwplan.planner.verdict import sampler_of
+from throwplan.planner.uncertainty import sampler_of
 from throwplan.problems import Distribution, Gripper, Uncertainty
 
 G = 9.81

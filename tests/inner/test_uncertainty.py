@@ -10,7 +10,7 @@ import pytest
 import throwplan as tp
 from scipy import stats
 from throwplan import load_scene
-from throwplan.planner.verdict import sampler_of
+from throwplan.planner.uncertainty import sampler_of
 from throwplan.problems import Distribution, Uncertainty
 
 

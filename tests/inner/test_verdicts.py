@@ -9,15 +9,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.throw import ThrowBatch
-from throwplan.planner.verdict import (
-    Code,
-    Finding,
-    Judge,
-    Verdict,
-    sampler_of,
-    verdict,
-    warnings,
-)
+from throwplan.planner.uncertainty import sampler_of, warnings
+from throwplan.planner.verdict import Code, Finding, Judge, Verdict, verdict
 from throwplan.problems import Distribution, Obstacle, Uncertainty
 
 from oracle import read_oracle

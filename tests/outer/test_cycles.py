@@ -19,7 +19,8 @@ from throwplan.planner.cycle import Cycle, plan_cycle, read_cycle, save_cycle
 from throwplan.planner.robot import replay_cycle
 from throwplan.planner.throw import TICK, Samples
 from throwplan.planner.verdict import Code
-from throwplan.problems import Calibration, jobs_names, load_jobs
+from throwplan.problems import Calibration
+from throwplan.problems.job_files import jobs_names, load_jobs
 
 from oracle import broken_limits
 

@@ -83,7 +83,7 @@ def test_an_opening_that_nobody_saw_is_repeated(tmp_path, run) -> None:
 
 def scene_of(name: str, gripper: Path) -> str:
     """A built-in scene whose gripper is that of a file."""
-    text = tp.problems.scene_text(name)
+    text = tp.scene_text(name)
     (grip,) = [part for part in text.split("\n\n") if part.startswith("[gripper]")]
     return text.replace(grip, f'[gripper]\nfile = "{gripper}"\nforce = 120.0')
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.problems import load_arm
-from throwplan.problems.arms import load_gripper
+from throwplan.problems.arms import load_arm, load_gripper
 
 OPTIONS = ["--acceleration", "10", "--jerk", "1000"]
 #: Axes of the joints, and where each is in the frame before it [m].

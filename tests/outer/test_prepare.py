@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 import throwplan as tp
-from throwplan.problems import load_scene
+from throwplan import load_scene
 
 KEYS = {"scene", "throws", "added", "edge", "bytes", "folder", "time"}
 

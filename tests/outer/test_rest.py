@@ -13,7 +13,8 @@ import throwplan as tp
 from builders import profile_bin
 from throwplan.models import FlightState
 from throwplan.planner.rest import entry_states, rest_motion, roll_to_rest
-from throwplan.planner.verdict import Code, count_rests
+from throwplan.planner.uncertainty import count_rests
+from throwplan.planner.verdict import Code
 
 pytest.importorskip("mujoco")
 
@@ -242,7 +243,7 @@ def test_throws_that_slip_rest_nowhere() -> None:
 
 
 def test_samples_of_contacts_and_parameters_are_independent() -> None:
-    from throwplan.planner.verdict import Entries
+    from throwplan.planner.uncertainty import Entries
 
     scene = over_bin(radius=0.10, depth=0.19, rim=0.20)
     unsure = tp.Uncertainty(delay=tp.Distribution(uniform=0.002))

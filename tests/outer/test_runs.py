@@ -26,7 +26,8 @@ from throwplan.planner.robot import (
     joint_motion,
 )
 from throwplan.planner.verdict import verdict
-from throwplan.problems import InputError, Obstacle, load_arm
+from throwplan.problems import InputError, Obstacle
+from throwplan.problems.arms import load_arm
 
 TICK = 0.001
 #: The usual pose of an FR3.

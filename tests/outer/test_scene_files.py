@@ -16,7 +16,7 @@ from hostile import toml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
-from throwplan.problems import jobs_names, load_jobs
+from throwplan.problems.job_files import jobs_names, load_jobs
 
 #: Only what has no default: a hand that throws.
 LEAST = """

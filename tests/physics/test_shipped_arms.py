@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.cli import main
-from throwplan.problems import load_arm
+from throwplan.problems.arms import load_arm
 from throwplan.problems.urdf import (
     kinematics_difference,
     limits_of,

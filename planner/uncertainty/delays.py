@@ -12,7 +12,7 @@ from ...models import Array, Flags
 from ...problems import Pose
 from ...problems.files import plain
 from ..throw import Throw, ThrowBatch
-from .batch import Judge
+from ..verdict import Judge
 
 #: Largest delay [s] of a scan over delays.
 FURTHEST = 0.05

@@ -1,17 +1,15 @@
-"""Why there is no throw, in words: starts from which none can begin, bounds that contradict the
-target, and what the attempts broke."""
+"""Whether a scene can have throws at all: starts from which none can begin, targets inside the base
+column."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...models import Array, FlightState, HandSamples
+from ...models import Array, HandSamples
 from ...problems import InputError, Pose, Scene
 from ..clearance import column_distance, grasp_distance, held_bar, lowest_of_bar
-from ..samples import Releases
 from ..throw import (
     Manipulator,
     column_of,
@@ -20,7 +18,6 @@ from ..throw import (
     rest_torques,
     torque_limits,
 )
-from .attempt import Attempt
 
 #: Random start poses that are checked where the start is free.
 STARTS = 4000
@@ -28,8 +25,6 @@ STARTS = 4000
 #: torque limits are refused. A robot holds all. With smaller limits no built-in scene had a plan in
 #: 20 s at a tenth; `iiwa14` had one at a fifth.
 HELD_SHARE = 0.1
-#: A bound contradicts the target if all near sampled releases miss it by more than this factor.
-FACTOR = 2.0
 
 
 def check_start(scene: Scene, manipulator: Manipulator) -> None:
@@ -154,67 +149,3 @@ def in_column(scene: Scene, target: Pose) -> bool:
     poses = np.array([x, np.full(x.size, target.z), theta])
     room = column_distance(scene.object, poses, *column).max()
     return bool(room < -most.position - most.angle * scene.object.length)
-
-
-def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) -> tuple[str, str]:
-    """The first bound of [landing], or latest arrival, that contradicts the target: name and words.
-
-    The 200 sampled releases that land nearest decide; both are empty without a contradiction.
-    """
-    bounds, latest = scene.landing, target.window[1]
-    if bounds is None and not math.isfinite(latest):
-        return "", ""
-    table = releases()
-    x, theta, flown = table.landings(target.z, scene.flight)
-    if not np.isfinite(x).any():
-        return "", ""
-    off = scene.object.pose_error(*target.miss(x, theta))
-    near = np.argsort(off)[: min(200, int(np.isfinite(off).sum()))]
-    end = scene.flight.after(FlightState(*table.detach[near].T), flown[near])
-    speed, omega = np.hypot(end.v_x, end.v_z), end.omega
-    # Rates of either sign pass through zero.
-    rate = np.abs(omega) if (omega > 0).all() or (omega < 0).all() else 0 * omega
-    time = table.run_up[near] + scene.gripper.profile().opening + flown[near]
-    bounds_of: list[tuple[str, float | None, Array, str]] = [
-        ("[target] arrival", latest, time, "s")
-    ]
-    if bounds is not None:
-        bounds_of += [
-            ("[landing] speed_max", bounds.speed_max, speed, "m/s"),
-            ("[landing] rate_max", bounds.rate_max, rate, "rad/s"),
-            ("[landing] speed_min", bounds.speed_min or None, -speed, "m/s"),
-        ]
-    for name, bound, values, unit in bounds_of:
-        words = _words(name, bound, values, unit)
-        if words:
-            return name.split()[1], words
-    return "", ""
-
-
-def _words(name: str, bound: float | None, values: Array, unit: str) -> str:
-    """Why values contradict an upper bound, or (values negative) a lower one; else empty."""
-    least = float(values.min())
-    if bound is None:
-        return ""
-    if least > 0 and least > FACTOR * bound:
-        how = f"at least about {least:.2g} {unit}"
-    elif least < 0 and -least * FACTOR < bound:
-        how = f"at most about {-least:.2g} {unit}"
-    else:
-        return ""
-    kind = "after" if unit == "s" else "with"
-    return f"{name} = {bound:g}: throws to this target land {kind} {how}"
-
-
-def nothing_found(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bool) -> str:
-    """Why there is no throw, in words: how many attempts there were, and what they broke."""
-    if not tried:
-        begun = "time was over before the first attempt"
-        words = f"no throw found: {begun if late else 'no feasible release to start from'}"
-    else:
-        words = f"no throw found in {len(tried)} attempts"
-        if len(broken) < len(tried):
-            words += f": {len(tried) - len(broken)} led to no motion that keeps all constraints"
-        if broken:
-            words += f"; what a throw broke: {broken[0].reason}"
-    return words + ("; time is over, more patience may help" if late else "")

@@ -12,9 +12,9 @@ from ...models import Array, Flags
 from ...problems import Rest, Scene
 from ..rest import Ends, entry_states, roll_to_rest
 from ..throw import Throw
-from .batch import Judge, is_as_successful
-from .findings import Code, Finding
-from .uncertainty import HALF_CELL, sample_throws
+from ..verdict import Code, Finding, Judge, is_as_successful
+from .sampled_throws import sample_throws
+from .sampler import HALF_CELL
 
 #: Throws that a plan's count samples.
 COUNTED = 64

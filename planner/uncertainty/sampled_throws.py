@@ -1,0 +1,102 @@
+"""What [uncertainty] makes of a solved throw: warnings, and the spread of its landings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...models import Array
+from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
+from ...problems import Pose
+from ..throw import Throw, ThrowBatch
+from ..verdict import Code, Finding, Judge
+from .sampler import sampler_of
+
+#: Number of sampled throws for reserves and spread.
+SAMPLES = 256
+#: Codes of the limits with a reserve in a plan; sweeps judge the scatter of the landing.
+RESERVED = (
+    Code.SLIP_BEFORE_OPENING,
+    Code.TORQUE,
+    Code.FLOOR,
+    Code.COLUMN,
+    Code.PALM,
+    Code.COLLISION,
+    Code.RELEASE,
+)
+
+
+def warnings(throw: Throw, target: Pose, robust: bool = False) -> tuple[Finding, ...]:
+    """Warnings about a solved throw.
+
+    target: the requested one, which may move; robust: whether a robust throw was looked for.
+    """
+    return (*_models(throw, target), *_reserves(throw, target, robust))
+
+
+def _models(throw: Throw, target: Pose) -> Iterator[Finding]:
+    """A warning if sliding pivot and limit surface land farther apart than the tolerance."""
+    tolerance = throw.scene.tolerance
+    pivot, surface = (throw.with_model(model).landing for model in (SLIDING_PIVOT, STEPPED_SURFACE))
+    x = abs(pivot.x - surface.x)
+    theta = 0.0 if target.theta is None else abs(pivot.theta - surface.theta)
+    if x <= tolerance.position and theta <= tolerance.angle:
+        return
+    words = "only one of sliding pivot and limit surface lands at the target's height"
+    if math.isfinite(x):
+        words = (
+            f"sliding pivot and limit surface land {1e3 * x:.1f} mm and "
+            f"{math.degrees(abs(pivot.theta - surface.theta)):.1f} deg apart, more than the "
+            f"tolerance of {1e3 * tolerance.position:g} mm and "
+            f"{math.degrees(tolerance.angle):g} deg"
+        )
+    yield Finding(Code.MODELS_DIFFER, x, tolerance.position, broken=False, note=words)
+
+
+def _reserves(throw: Throw, target: Pose, robust: bool) -> Iterator[Finding]:
+    """Warnings about limits, except the tolerance, that throws within [uncertainty] break."""
+    # A robust plan does not go with a target that moves.
+    first = "" if robust or not target.at_rest else "plan with --robust auto, "
+    scene = throw.scene
+    if scene.uncertainty is None:
+        return
+    judge, values = sample_throws(throw, target)
+    judged = judge.verdicts(values)
+    for code in RESERVED:
+        share = float(np.mean(judged.breaks(code)))
+        if share > 0.0:
+            few = f"{100 * share:.0f} %" if share >= 0.005 else "less than 1 %"
+            note = f"under [uncertainty] {few} of the throws {code.fate}"
+            if code is Code.SLIP_BEFORE_OPENING:
+                use = 100 * throw.measured.grip.value
+                note += f"; the plan uses {use:.0f} % of the friction limit"
+            note += f": {first}{code.cure}"
+            yield Finding(Code.UNCERTAIN, share, 0.0, body=code.value, broken=False, note=note)
+
+
+def sample_throws(
+    throw: Throw, target: Pose, count: int = SAMPLES, seed: int = 0
+) -> tuple[Judge, Array]:
+    """A judge of one motion's throws, and values (count, P) of the uncertain parameters."""
+    sampler = sampler_of(throw.scene, seed)
+    early, late, longest = sampler.openings(throw.scene)
+    reach = min(early, 0.0), max(late, 0.0), longest
+    batch = ThrowBatch.of(throw, target, sampler.names, reach)
+    return Judge.of_success(batch), sampler.draw(0, count)
+
+
+def landing_spread(throw: Throw, target: Pose) -> float:
+    """95 % quantile [m] of the pose error (position plus angle times half the length) about the
+    throw's own landing under the scene's uncertainty; infinite if over 5 % never land.
+
+    target: theta counts if it fixes it.
+    """
+    judge, values = sample_throws(throw, target)
+    batch = judge.batch
+    change = batch.fly(values).landing - batch.fly(batch.nominal()).landing
+    turn = 0.0 if target.theta is None else change[:, 1]
+    errors = throw.scene.object.pose_error(change[:, 0], turn)
+    finite_errors = np.where(np.isnan(errors), np.inf, errors)
+    return float(np.quantile(finite_errors, 0.95, method="inverted_cdf"))

@@ -1,0 +1,98 @@
+"""Samples of the uncertain parameters: a scene's [uncertainty], or the default one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models import Array, ReadOnly
+from ...problems import Distribution, Scene, Uncertainty
+
+#: Half a cell of SciPy's 30-bit sequence; added to a share it excludes 0 and 1.
+HALF_CELL = 2.0**-31
+#: Standard deviations in the range of a normal value; one draw in 10^19 is outside.
+COVERED = 9.0
+
+
+@dataclass(frozen=True)
+class Sampler(ReadOnly):
+    """Draws of the uncertain parameters `names`; sample k depends on the seed only.
+
+    spreads: their distributions in SI units; ranges: lowest and highest possible values,
+    where normal ones are cut off; factor (P, P): Cholesky factor of the normal scores'
+    correlation, None for independent parameters.
+    """
+
+    names: tuple[str, ...]
+    spreads: tuple[Distribution, ...]
+    ranges: tuple[tuple[float, float], ...]
+    factor: Array | None
+    seed: int
+
+    def draw(self, first: int, count: int) -> Array:
+        """Samples `first` to `first + count` of the sequence: (count, P), columns as `names`."""
+        from scipy.special import ndtr, ndtri
+        from scipy.stats import qmc
+
+        sequence = qmc.Sobol(len(self.names), rng=np.random.default_rng(self.seed))
+        if first:
+            sequence.fast_forward(first)
+        # SciPy warns of draws other than powers of two; the first values of a longer draw are
+        # equal.
+        shares = sequence.random(1 << max(count - 1, 0).bit_length())[:count] + HALF_CELL
+        if self.factor is not None:
+            shares = ndtr(ndtri(shares) @ self.factor.T)
+        columns = [
+            _quantile(spread, share, bounds)
+            for spread, share, bounds in zip(self.spreads, shares.T, self.ranges, strict=True)
+        ]
+        return np.column_stack(columns)
+
+    def quantiles(self, name: str, shares: Array) -> Array:
+        """Values of a parameter below which `shares` (N,) of it lie."""
+        i = self.names.index(name)
+        return _quantile(self.spreads[i], shares, self.ranges[i])
+
+    def reach(self, name: str, value: float) -> tuple[float, float]:
+        """Lowest and highest value that is drawn; `value` where the parameter is certain."""
+        if name not in self.names:
+            return value, value
+        spread = self.spreads[self.names.index(name)]
+        more = COVERED * (spread.normal or 0.0)
+        return spread.reach[0] - more, spread.reach[1] + more
+
+    def openings(self, scene: Scene) -> tuple[float, float, float]:
+        """The earliest and the latest opening [s] beside the mean delay, and the longest one."""
+        mean, opening = scene.mean_delay, scene.gripper.profile().opening
+        low, high = self.reach("delay", mean)
+        return low - mean, high - mean, max(opening, self.reach("opening", opening)[1])
+
+
+def sampler_of(scene: Scene, seed: int) -> Sampler:
+    """Draws of the scene's [uncertainty], or of the default one."""
+    section = scene.uncertainty or Uncertainty.USUAL
+    spreads, ranges = section.about(scene.values), scene.ranges
+    return Sampler(
+        section.names,
+        tuple(spreads.values()),
+        tuple(ranges[name] for name in spreads),
+        np.asarray(np.linalg.cholesky(section.matrix), float) if section.correlation else None,
+        seed,
+    )
+
+
+def _quantile(spread: Distribution, shares: Array, bounds: tuple[float, float]) -> Array:
+    """Values of a distribution below which `shares` (N,) of it lie; normal ones cut off."""
+    from scipy.special import ndtr, ndtri
+
+    if spread.samples:
+        ordered = np.sort(np.array(spread.samples))
+        return np.asarray(ordered[np.minimum(shares * ordered.size, ordered.size - 1).astype(int)])
+    mean = spread.expected
+    if spread.uniform is not None:
+        return np.asarray(mean + spread.uniform * (2.0 * shares - 1.0))
+    deviation = spread.deviation
+    low, high = (float(ndtr((bound - mean) / deviation)) for bound in bounds)
+    values = mean + deviation * ndtri(low + shares * (high - low))
+    return np.asarray(np.clip(values, *bounds))
