@@ -146,10 +146,12 @@ class Search:
             far = goal.distance(pose, task.scene.object.half_length) or math.inf
             start = replace(start, goal=pose, again=True)
             turns = number == 1 and far < math.inf
-            light = far == math.inf and not self.blocked
+            # Behind the base column an arm throws into a cup only with all that constraints cost,
+            # which takes seconds where it fails.
+            light = far == math.inf and task.scene.cup is not None and not self.blocked
             others.append(Approach(goal, start, far, light=light, turns=turns))
-        # One that breaks something where it lands comes last, and ends before costly constraints
-        # (`from_costly`). Then the other way from the rest: both from one are no two that agree.
+        # One that breaks something where it lands comes last. Then the other way from the rest:
+        # both from one are no two that agree.
         others.sort(key=attrgetter("away"))
         if task.target.theta is not None:
             sound = [one for one in others if not one.found and one.away < math.inf]
@@ -333,8 +335,7 @@ def from_beside(search: Search, history: History) -> Try | None:
 
 
 def from_costly(search: Search, history: History) -> Try | None:
-    """A sampled throw that breaks something where it lands, brought near with all that constraints
-    cost."""
+    """A sampled throw that was given up before costly constraints, brought near with them."""
     number = sum(isinstance(one, Approach) for one in history.tries) - len(search.approaches)
     if number < 0 or history.found or search.is_settled(history):
         return None
