@@ -27,9 +27,9 @@ from oracle import broken_limits
 #: Between a part and the plane of its throw stands another one, higher, that comes next.
 IN_THE_WAY = f"""order = "given"{ONE.replace("y = 0.1", "y = -0.2")}[[pick]]
 name = "other part"
-x = 0.55
-y = -0.05
-z = 0.42
+x = 0.6
+y = -0.02
+z = 0.62
 """
 #: Both throws swing back over the other's object.
 OVER_EACH_OTHER = """scene = "pose"
@@ -244,7 +244,9 @@ def test_swings_over_each_others_objects_start_above_them(tmp_path: Path) -> Non
 
 def test_picks_whose_objects_overlap_are_refused(tmp_path: Path, refused) -> None:
     file = tmp_path / "jobs.toml"
-    file.write_text(IN_THE_WAY.replace("x = 0.55\ny = -0.05", "x = 0.46\ny = -0.21"))
+    file.write_text(
+        IN_THE_WAY.replace("x = 0.6\ny = -0.02\nz = 0.62", "x = 0.46\ny = -0.21\nz = 0.42")
+    )
     said = refused("cycle", file)
     assert "jobs: pick 1 (part) and pick 2 (other part): their objects overlap by" in said
     assert said.count("\n") <= 1
