@@ -150,16 +150,22 @@ class Search:
             # which takes seconds where it fails.
             light = far == math.inf and task.scene.cup is not None and not self.blocked
             others.append(Approach(goal, start, far, light=light, turns=turns))
-        # One that breaks something where it lands comes last. Then the other way from the rest:
-        # both from one are no two that agree.
-        others.sort(key=attrgetter("away"))
-        if task.target.theta is not None:
-            sound = [one for one in others if not one.found and one.away < math.inf]
-            others += [replace(one, turns=not one.turns) for one in sound]
+        others.sort(key=attrgetter("away"))  # One that breaks something where it lands comes last.
         nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
         others += [] if self.blocked else (replace(one, light=False) for one in nearest)
         last = self.blocked or self.is_sparse
         return [*others, *self.stored] if last else [*self.stored, *others]
+
+    @cached_property
+    def again(self) -> list[Approach]:
+        """Approaches after vain starts: sampled throws by the other way, as both ways from one are
+        no two that agree; then what was given up before costly constraints."""
+        sampled = [one for one in self.approaches if isinstance(one.source, Start)]
+        fixed = self.task.target.theta is not None
+        other = [replace(one, turns=not one.turns) for one in sampled if one.away < math.inf]
+        return (other if fixed else []) + [
+            replace(one, light=False) for one in sampled if one.light
+        ]
 
     @property
     def is_sparse(self) -> bool:
@@ -334,13 +340,12 @@ def from_beside(search: Search, history: History) -> Try | None:
     return next(islice(search.approaches, number, None), None)
 
 
-def from_costly(search: Search, history: History) -> Try | None:
-    """A sampled throw that was given up before costly constraints, brought near with them."""
+def from_beside_again(search: Search, history: History) -> Try | None:
+    """A sampled throw, brought near by the other way, or with constraints that cost more."""
     number = sum(isinstance(one, Approach) for one in history.tries) - len(search.approaches)
-    if number < 0 or history.found or search.is_settled(history):
+    if number < 0 or search.blocked or history.found or search.is_settled(history):
         return None
-    unsound = (one for one in search.approaches if one.light and isinstance(one.source, Start))
-    return next((replace(one, light=False) for one in islice(unsound, number, None)), None)
+    return next(islice(search.again, number, None), None)
 
 
 def from_samples(search: Search, history: History) -> Try | None:
@@ -387,6 +392,6 @@ FROM_NOTHING: tuple[Strategy, ...] = (
     from_nearest_samples,
     from_beside,
     from_samples,
-    from_costly,
+    from_beside_again,
     from_samples_again,
 )
