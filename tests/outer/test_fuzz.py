@@ -28,6 +28,15 @@ from test_scene_files import RICH
 #: Files by name, and the words of the command that reads them.
 Case = tuple[dict[str, bytes], list[str]]
 STATUSES, LONGEST = (0, 2, 3, 130), 30.0
+
+
+class Shown(tuple):
+    """A case that prints in short: hypothesis warns of a long one, and that hides the failure."""
+
+    def __repr__(self) -> str:
+        return f"{super().__repr__():.20000}"
+
+
 SCENES = {name: tomllib.loads(text) for name, text in RICH.items()}
 ARM = tomllib.loads((resources.files(tp) / "problems" / "arms" / "panda.toml").read_text("utf-8"))
 PLAN = ["plan", "scene.toml", "--patience", "0.001"]
@@ -204,7 +213,7 @@ def test_hostile_input_is_answered(kind, count, run, here, saved) -> None:
         database=None,
         suppress_health_check=list(HealthCheck),
     )
-    @given(case=STRATEGIES[kind](*([saved("pose")] if kind == "plans" else [])))
+    @given(case=STRATEGIES[kind](*([saved("pose")] if kind == "plans" else [])).map(Shown))
     def judged(case: Case) -> None:
         judge(run, case, here)
 
