@@ -131,8 +131,10 @@ def complete(path: Path, words: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise error.within(str(path)) from None
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise InputError(f"{path}: {words} ({error!r})") from None
+    except KeyError as error:
+        raise InputError(f"{path}: {words}: no {error}") from None
+    except (TypeError, AttributeError, ValueError, OverflowError) as error:
+        raise InputError(f"{path}: {words} ({error})") from None
 
 
 def check_overwrites(folder: Path) -> None:

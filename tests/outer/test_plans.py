@@ -284,6 +284,8 @@ PLAN_FILES = [
     ({}, "[1, 2]", "is not a plan file"),
     ({"format": 99}, "", "a plan file of version 99"),
     ({"status": "out_of_reach"}, "", "holds no throw"),
+    ({"release": {}}, "", "is not a complete plan file: no 'opening_time'"),
+    ({"release": {"opening_time": 10**400}}, "", "is not a complete plan file (int too large"),
 ]
 
 
