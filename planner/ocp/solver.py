@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import casadi as ca
 import numpy as np
 
-from ...core.compile import compiled
+from ...core.compile import compiled, compiled_later
 from ...interrupts import INTERRUPTS
 from ...models import Array, ReadOnly
 from .assembly import Nlp, nlp_functions, nlp_key
@@ -61,6 +61,11 @@ class CallLimits:
 
 
 LIMITS = CallLimits()
+
+#: Processor time [s] of solves after which functions are compiled, while further ones go on: about
+#: what compiling takes, so that a program that ends then has lost no more. Machine code halves or
+#: thirds the time of an iteration.
+WORTH = 4.0
 
 #: Names of the functions of `nlp_functions`.
 NAMES = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l", "nlp_grad")
@@ -183,6 +188,9 @@ class Solver:
         self._functions = self._functions_of(make=False)
         self._plugins: dict[Barrier, ca.Function] = {}
         self._evaluation = np.inf
+        # Processor time [s] of all solves, and the compilation that it was worth.
+        self._spent = 0.0
+        self._compiling: Future[bool] | None = None
 
     def solve(
         self,
@@ -194,7 +202,8 @@ class Solver:
     ) -> Solution:
         """Solves from a guess (n,) or from a solution; seconds: wall time limit [s]."""
         INTERRUPTS.check()
-        end = time.perf_counter() + seconds
+        self._adopt_machine_code()
+        start_time, end = processor_time(), time.perf_counter() + seconds
         arguments: dict[str, Any] = {"p": parameters, "lbg": self.nlp.lbg, "ubg": self.nlp.ubg}
         arguments |= {"lbx": bounds[0], "ubx": bounds[1]}
         if isinstance(start, WarmStart):
@@ -217,6 +226,7 @@ class Solver:
             iterations += int(stats.get("iter_count", 0))
             if stats["success"]:
                 break
+        self._spent += processor_time() - start_time
         optimum, lam_g, lam_x = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
         success = bool(stats["success"]) and bool(np.isfinite(optimum).all())
         return Solution(optimum, lam_g, lam_x, float(result["f"]), success, iterations)
@@ -285,6 +295,19 @@ class Solver:
         hessian = np.asarray(sparse.sparse().toarray())
         # IPOPT has the upper triangle.
         return hessian + np.triu(hessian, 1).T if self.name == "ipopt" else hessian
+
+    def _adopt_machine_code(self) -> None:
+        """Has the functions compiled once the solves have taken as long as that takes, and uses
+        them once they are."""
+        if self._functions["nlp_f"].class_name() == "External":
+            return
+        if self._compiling is None:
+            if self._spent > WORTH:
+                key = nlp_key(self.nlp, self.name)
+                self._compiling = compiled_later(key, self._functions)
+        elif self._compiling.done() and self._compiling.result():
+            self._functions = self._functions_of(make=False)
+            self._plugins.clear()
 
     def compile(self) -> None:
         """Compiles the functions, in some seconds; nothing without a compiler, or if compiled."""

@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import casadi as ca
@@ -16,7 +17,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan import core
-from throwplan.core.compile import c_compiler, compiled
+from throwplan.core.compile import c_compiler, compiled, compiled_later
 
 NAMES = ("f", "g")
 ROOT = Path(__file__).parents[2]
@@ -42,6 +43,51 @@ def test_code_is_compiled_when_asked_for_and_found_again(tmp_path, monkeypatch) 
     # Found without being derived again, and not derived for another key's sake.
     assert answers(compiled("key", NAMES, dict, make=False)) == pytest.approx(usual)
     assert compiled("other", NAMES, dict, make=False) == {}
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
+def test_one_library_at_a_time_is_compiled_beside_other_work(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    first = compiled_later("key", derived())
+    assert first is not None
+    assert first.result(60)
+    # The next may begin a moment after that.
+    while (second := compiled_later("other", derived())) is None:
+        time.sleep(0.01)
+    assert answers(compiled("key", NAMES, dict, make=False)) == pytest.approx(answers(derived()))
+    assert second.result(60) and len(list(tmp_path.glob("*.so"))) == 2
+
+
+@pytest.mark.parametrize("variables", [{"CC": "none"}, {"THROWPLAN_CACHE": ""}])
+def test_nothing_is_compiled_later_without_compiler_or_folder(
+    variables, tmp_path, monkeypatch
+) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    for name, value in {"PATH": str(tmp_path), **variables}.items():
+        monkeypatch.setenv(name, value)
+    assert compiled_later("key", derived()) is None
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
+def test_functions_that_many_solves_use_become_machine_code(tmp_path, monkeypatch) -> None:
+    """Plans are the same before and after."""
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    monkeypatch.setattr("throwplan.planner.ocp.solver.WORTH", 0.0)
+    loaded = list[str]()
+    external = ca.external
+    monkeypatch.setattr(ca, "external", lambda *a: loaded.append(a[0]) or external(*a))
+    planner = tp.Planner("hand-flip", library=False)
+    target = planner.scene.target
+    planner.plan()
+    before = planner.plan(target.shifted(0.01, 0.0))
+    assert before.solved and not loaded
+    for _ in range(6000):
+        if list(tmp_path.glob("*.so")):
+            break
+        time.sleep(0.01)
+    after = planner.plan(target.shifted(0.01, 0.0))
+    assert after.solved and loaded
+    assert after.to_dict()["release"] == pytest.approx(before.to_dict()["release"], rel=1e-6)
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
