@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import platform
 import shutil
 import subprocess
 import threading
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from multiprocessing import parent_process
 from pathlib import Path
 
 import casadi as ca
@@ -16,7 +19,8 @@ import casadi as ca
 from .cache import cache_folder, digest, keep, kept, only_ours, scratch_folder
 
 #: More optimisation compiles twice as long and runs no faster.
-FLAGS = ("-O1", "-fPIC", "-shared")
+#: No fused multiply-add, which would round otherwise than CasADi's own evaluation.
+FLAGS = ("-O1", "-ffp-contract=off", "-fPIC", "-shared")
 #: Runs a command until it ends, or kills its process group when standard input closes.
 SUPERVISED = """
 exec 3<&0
@@ -26,13 +30,20 @@ wait $command; status=$?
 kill $watch
 exit $status
 """
-#: Longest time [s] that a compilation may take before it is given up.
-PATIENCE = 300.0
+#: Runs a command at the least priority. On Linux a session's share of a busy core is that of its
+#: group.
+IDLE = 'echo 19 2>/dev/null >/proc/self/autogroup; exec nice -n 19 "$@"'
+#: Longest time [s] that a compilation may take before it is given up; one beside other work waits.
+PATIENCE = 900.0
+#: Time [s] between two looks at a compiler.
+POLL = 0.05
 #: Code longer than this (bytes), that of scenarios, takes minutes and gigabytes to compile.
 LARGEST = 8_000_000
 
 #: Held while a compilation is under way beside other work.
 _ONE_LATER = threading.Lock()
+#: Set when the process ends.
+_ENDING = threading.Event()
 
 Functions = dict[str, ca.Function]
 
@@ -65,23 +76,45 @@ def compiled(
 def compiled_later(key: str, functions: Functions) -> Future[bool] | None:
     """Begins to compile for `compiled` to find, at the least priority beside other work.
 
-    Returns what tells whether it worked; None without compiler or folder, and while another such
-    compilation is under way. It ends with the process, without a library if it is not done.
+    Returns what tells whether the library is there; None while another such compilation is under
+    way, so that one may ask again. It ends with the process, without a library if it is not done.
+    Workers compile nothing: many would compile the same.
     """
-    target, future = _library(key), Future[bool]()
-    if target is None or c_compiler() is None or not _ONE_LATER.acquire(blocking=False):
+    only_one = _ONE_LATER
+    if only_one.locked():
         return None
-    # CasADi may not be used by two threads: the code is made here.
-    source = _source(functions)
+    future, target = Future[bool](), _library(key)
+    there = target is not None and kept(target) is not None
+    if target is None or there or c_compiler() is None or parent_process() is not None:
+        future.set_result(there)
+        return future
+    if not only_one.acquire(blocking=False):
+        return None
 
     def work() -> None:
+        made = False
         try:
-            future.set_result(_make(target, source, idle=True))
+            made = _make(target, source, idle=True)
         finally:
-            _ONE_LATER.release()
+            only_one.release()
+            future.set_result(made)
 
-    threading.Thread(target=work, name="throwplan-compiler", daemon=True).start()
+    try:
+        # CasADi may not be used by two threads: the code is made here.
+        source = _source(functions)
+        thread = threading.Thread(target=work, name="throwplan-compiler", daemon=True)
+        thread.start()
+    except BaseException:
+        only_one.release()
+        raise
+    atexit.register(_end, thread)
     return future
+
+
+def _end(thread: threading.Thread) -> None:
+    """Ends a compilation with the process, and has it delete its files."""
+    _ENDING.set()
+    thread.join(1.0)
 
 
 def _library(key: str) -> Path | None:
@@ -114,8 +147,8 @@ def _make(target: Path, source: str, idle: bool = False) -> bool:
             code, made = scratch / "code.c", scratch / target.name
             code.write_text(source, encoding="utf-8")
             order = [command, *FLAGS, "-o", str(made), str(code), "-lm"]
-            if idle and shutil.which("nice"):
-                order = ["nice", "-n", "19", *order]
+            if idle and os.name == "posix":
+                order = ["sh", "-c", IDLE, "sh", *order]
             # What stands behind its end does not matter to a library.
             return _run(order, scratch) and keep(target.parent, target.name, made.read_bytes())
     except (OSError, subprocess.SubprocessError):
@@ -134,7 +167,11 @@ def _run(command: Sequence[str], scratch: Path) -> bool:
     ) as process:
         assert process.stdin is not None
         try:
-            return process.wait(PATIENCE) == 0
+            end = time.monotonic() + PATIENCE
+            while process.poll() is None:
+                if time.monotonic() > end or _ENDING.wait(POLL):
+                    return False
+            return process.returncode == 0
         finally:
             process.stdin.close()
             if os.name != "posix":

@@ -188,9 +188,11 @@ class Solver:
         self._functions = self._functions_of(make=False)
         self._plugins: dict[Barrier, ca.Function] = {}
         self._evaluation = np.inf
-        # Processor time [s] of all solves, and the compilation that it was worth.
+        # Processor time [s] of all solves, the compilation that it was worth, and whether that has
+        # ended, or is not needed.
         self._spent = 0.0
         self._compiling: Future[bool] | None = None
+        self._is_settled = self._functions["nlp_f"].class_name() == "External"
 
     def solve(
         self,
@@ -299,15 +301,19 @@ class Solver:
     def _adopt_machine_code(self) -> None:
         """Has the functions compiled once the solves have taken as long as that takes, and uses
         them once they are."""
-        if self._functions["nlp_f"].class_name() == "External":
+        if self._spent < WORTH or self._is_settled:
             return
         if self._compiling is None:
-            if self._spent > WORTH:
-                key = nlp_key(self.nlp, self.name)
-                self._compiling = compiled_later(key, self._functions)
-        elif self._compiling.done() and self._compiling.result():
-            self._functions = self._functions_of(make=False)
-            self._plugins.clear()
+            self._compiling = compiled_later(self._key, self._functions)
+        elif self._compiling.done():
+            self._is_settled = True
+            if self._compiling.result():
+                self._functions = self._functions_of(make=False)
+                self._plugins.clear()
+
+    @cached_property
+    def _key(self) -> str:
+        return nlp_key(self.nlp, self.name)
 
     def compile(self) -> None:
         """Compiles the functions, in some seconds; nothing without a compiler, or if compiled."""
@@ -316,7 +322,7 @@ class Solver:
 
     def _functions_of(self, make: bool) -> dict[str, ca.Function]:
         functions = partial(nlp_functions, self.nlp, self.name)
-        return compiled(nlp_key(self.nlp, self.name), NAMES, functions, make=make)
+        return compiled(self._key, NAMES, functions, make=make)
 
     def _max_derivative(self, x: Array, parameters: Array) -> float:
         """Largest derivative of a constraint at x; measures the time of its evaluation."""

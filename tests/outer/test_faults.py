@@ -305,6 +305,31 @@ def test_no_worker_or_compiler_outlives_its_parent(
     assert not list(folder.iterdir())
 
 
+#: A program that ends while a compiler works beside it.
+ENDING = """
+import pathlib, time
+import casadi as ca
+from throwplan.core.compile import compiled_later
+
+x = ca.SX.sym("x")
+compiled_later("sine", {"f": ca.Function("f", [x], [ca.sin(x)])})
+while not pathlib.Path("begun").exists():
+    time.sleep(0.01)
+"""
+
+
+def test_a_compiler_beside_other_work_ends_with_it_and_leaves_nothing(
+    tmp_path, monkeypatch
+) -> None:
+    (tmp_path / "cc").write_text(f"#!/bin/sh\ntouch {tmp_path}/begun\nsleep 300\n")
+    (tmp_path / "cc").chmod(0o700)
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("CC", str(tmp_path / "cc"))
+    subprocess.run([sys.executable, "-c", ENDING], cwd=tmp_path, check=True, timeout=60)
+    assert not left(tmp_path)
+    assert not list((tmp_path / "cache").iterdir())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("after", [1.5, 3.0, 5.0])
 def test_a_killed_prepare_leaves_nothing_behind_the_next_start(after, tmp_path) -> None:
