@@ -29,8 +29,8 @@ from ..search import (
     SqpContinuation,
     Start,
     Task,
+    agree,
     approach_goal,
-    are_equal,
     attempts,
     fixed_optimum,
     moved_start,
@@ -146,7 +146,7 @@ class CellSolver:
             if found is not None:
                 return CellResult(cell, found)
             short += [last] if last.is_edge else []
-        if not are_equal(one.missed for one in short):
+        if not agree((one.miss for one in short), task.scene.object.half_length):
             return CellResult(cell, None)
         nearest = min(short, key=attrgetter("missed"))
         assert nearest.throw is not None and nearest.edge is not None

@@ -3,7 +3,7 @@
 from .approach import approach_goal
 from .attempt import Attempt, Start, attempts, error_over
 from .candidates import release_start
-from .context import SearchContext, are_equal
+from .context import SearchContext, agree
 from .continuation import SqpContinuation
 from .feasibility import check_start
 from .guess import initial_guess_from, remaining_throw, remaining_trajectory

@@ -119,6 +119,13 @@ class Attempt:
         return math.inf if self.edge is None else self.edge.missed
 
     @property
+    def miss(self) -> tuple[float, float]:
+        """That landing less the goal: dx [m], dtheta [rad]."""
+        assert self.edge is not None
+        pose = self.edge.pose
+        return self.goal.miss(pose.plane_x, pose.theta or 0.0)
+
+    @property
     def meets_at(self) -> float:
         """Pose error [m] to the goal of a throw that only meets things; inf for any other."""
         if self.verdict is None or {one.code for one in self.verdict.broken} != {Code.COLLISION}:

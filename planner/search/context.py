@@ -26,9 +26,11 @@ class SearchSettings:
     brought to it. approaches: solved throws brought as near to the target as limits allow.
     same_distance: a throw within it of one that is kept is not kept; without a library, a target
     within it of the nearest landing is not called out of reach. close_distance: a target within it
-    of the nearest landing may be in reach of another motion. A target is out of reach if its
-    `equal_landings` nearest landings have distances within a factor of `equal_ratio`, or if there
-    is a nearest landing and `vain_starts` sampled starts lead nowhere. An approach that limits hold
+    of the nearest landing may be in reach of another motion. A target is out of reach if the
+    nearest landing and another agree: their distances are within a factor of `equal_ratio`, and
+    they are nearer to each other than `same_side` of that; or if there is a nearest landing and
+    `vain_starts` sampled starts lead nowhere. Behind the base column the search ends after
+    `equal_landings` approaches. An approach that limits hold
     farther off than `hopeless` times the nearest landing ends. dense: throws of a library whose
     reach is known by them.
     """
@@ -46,6 +48,7 @@ class SearchSettings:
     vain_starts: int = 6
     equal_landings: int = 2
     equal_ratio: float = 1.1
+    same_side: float = 0.5
     hopeless: float = 3.0
     dense: int = 1000
 
@@ -53,10 +56,21 @@ class SearchSettings:
 SETTINGS = SearchSettings()
 
 
-def are_equal(missed: Iterable[float]) -> bool:
-    """Whether the least distances [m] to a target agree, as evidence that it is out of reach."""
-    least, number = sorted(missed), SETTINGS.equal_landings
-    return len(least) >= number and least[number - 1] <= SETTINGS.equal_ratio * least[0]
+def agree(misses: Iterable[tuple[float, float]], lever: float) -> bool:
+    """Whether the nearest landing to a target and another agree, as evidence that no throw comes
+    nearer.
+
+    misses: of landings from the target, dx [m] and dtheta [rad]; lever [m]: as of `Pose.distance`.
+    """
+    ends = sorted((abs(dx) + lever * abs(turn), dx, lever * turn) for dx, turn in misses)
+    if len(ends) < 2:
+        return False
+    least, x, turned = ends[0]
+    return any(
+        missed <= SETTINGS.equal_ratio * least
+        and abs(dx - x) + abs(turn - turned) <= SETTINGS.same_side * least
+        for missed, dx, turn in ends[1:]
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,7 +48,7 @@ class Approach:
     the goal it lands, inf if it breaks something there. found: the throw is of an earlier plan.
     light: end before an NLP for which costly constraints come in, or clearances of further bodies.
     most [m]: end where limits let it come no nearer than this pose error. turns: bring the angle to
-    the goal first.
+    the goal first. last: at a price at which no effort holds it back.
     """
 
     goal: Pose
@@ -58,9 +58,17 @@ class Approach:
     light: bool = False
     most: float = math.inf
     turns: bool = False
+    last: bool = False
 
 
-Try = Move | Solve | Approach
+@dataclass(frozen=True)
+class Recall:
+    """Throw a throw of the library's boundary as it is, beside the goal."""
+
+    near: Neighbour
+
+
+Try = Move | Solve | Approach | Recall
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +124,11 @@ class History:
         return _edges(
             [one for one in entries if not isinstance(one.done, Approach) or not one.done.found]
         )
+
+    @property
+    def approaches(self) -> int:
+        """Number of throws brought near the goal, the last one apart."""
+        return sum(isinstance(one, Approach) and not one.last for one in self.tries)
 
     @property
     def iterations(self) -> int:

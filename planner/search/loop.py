@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from ...interrupts import INTERRUPTS
-from .approach import approach_goal
+from .approach import approach_goal, recalled
 from .attempt import Attempt, attempts
-from .history import Approach, Entry, History, Move, Solve, Try
+from .history import Approach, Entry, History, Move, Recall, Solve, Try
 from .strategies import Search, Strategy
 
 
@@ -36,5 +36,7 @@ def _outcome(search: Search, step: Try) -> Iterable[Attempt]:
             return [context.corrector.attempt(near, task)]
         case Solve(start):
             return attempts(context.problems, start, task)
+        case Recall(near):
+            return [recalled(context.corrector, near, task)]
         case Approach():
             return approach_goal(context.corrector, step, task)

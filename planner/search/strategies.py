@@ -29,10 +29,10 @@ from .candidates import (
     release_start,
     same_end,
 )
-from .context import SETTINGS, SearchContext, are_equal
+from .context import SETTINGS, SearchContext, agree
 from .feasibility import in_column
 from .guess import initial_guess_from
-from .history import Approach, History, Move, Solve, Try
+from .history import Approach, History, Move, Recall, Solve, Try
 from .move import moved_start, optimum_of
 from .nlp_cache import Task
 
@@ -178,14 +178,31 @@ class Search:
 
         They end before costly constraints: other starts may need none.
         """
-        task, library = self.task, self.context.library
-        if len(task.solvers) == 1:
+        if len(self.task.solvers) == 1:
             return []
-        boundary = library.nearest_of_boundary(task.target, task.turns, 1)
-        others = self._nearest(library, SETTINGS.approaches, math.inf)
+        others = self._nearest(self.context.library, SETTINGS.approaches, math.inf)
         return [
-            Approach(near.goal, near, near.distance, light=True) for near in (*boundary, *others)
+            Approach(near.goal, near, near.distance, light=True)
+            for near in (*self.boundary[:1], *others)
         ]
+
+    @cached_property
+    def boundary(self) -> list[Neighbour]:
+        """The two nearest throws of the library's boundary."""
+        task = self.task
+        return list(self.context.library.nearest_of_boundary(task.target, task.turns, 2))
+
+    @property
+    def is_mapped(self) -> bool:
+        """Whether the library alone shows how near to the target limits let a throw come.
+
+        The nearest of its boundary is about as near as another of it, or as all other throws.
+        """
+        if self.is_sparse or not self.boundary or len(self.task.solvers) == 1:
+            return False
+        inside = list(self._nearest(self.context.library, 1, math.inf))
+        is_nearest = self._is_nearest(self.boundary[0].distance, [one.distance for one in inside])
+        return is_nearest and self._agree(self.boundary + inside)
 
     @cached_property
     def arriving(self) -> Candidates:
@@ -204,15 +221,16 @@ class Search:
         edges, library = history.edges, self.context.library
         if not edges:
             return False
-        known, least, ratio = self._stored_distances, edges[0].missed, SETTINGS.equal_ratio
+        stored, least = self._stored(history), edges[0].missed
+        known, ratio = [one.distance for one in stored], SETTINGS.equal_ratio
         new = [one.missed for one in history.new_edges]
         is_close = least < SETTINGS.close_distance and not len(library)
         is_new = bool(new) and new[0] <= ratio * least
-        agree = is_new and not is_close and are_equal([one.missed for one in edges] + known)
-        agree = agree and self._enters_alike(edges)
+        are_alike = is_new and not is_close and self._agree([*edges, *stored])
+        are_alike = are_alike and (not self.is_sparse or self._enters_alike(edges))
         starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
         is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
-        if not (agree or is_vain) or self._may_pass(history):
+        if not (are_alike or is_vain) or self._may_pass(history):
             return False
         return self._is_nearest(least, known + [away for _, _, away in self.arriving.nearest])
 
@@ -232,12 +250,15 @@ class Search:
         most = SETTINGS.equal_ratio * min(known, default=math.inf)
         return least <= most + self.task.scene.tolerance.position
 
-    @property
-    def _stored_distances(self) -> list[float]:
-        """Pose errors [m] of the library's nearest throw and of the nearest of its boundary."""
-        task, library = self.task, self.context.library
-        boundary = library.nearest_of_boundary(task.target, task.turns, 1)
-        return [one.distance for one in (*self._nearest(library, 1, math.inf), *boundary)]
+    def _stored(self, history: History) -> list[Neighbour]:
+        """The library's nearest throw, and the nearest of its boundary that was not thrown."""
+        thrown = sum(isinstance(one, Recall) for one in history.tries)
+        inside = self._nearest(self.context.library, 1, math.inf)
+        return [*inside, *self.boundary[thrown:][:1]]
+
+    def _agree(self, ends: Sequence[Attempt | Neighbour]) -> bool:
+        """Whether the nearest landing and another agree (`agree`)."""
+        return agree((one.miss for one in ends), self.task.scene.object.half_length)
 
     def is_nearest_possible(self, history: History) -> bool:
         """Whether the nearest landing, once no try is left, is the nearest possible.
@@ -248,7 +269,7 @@ class Search:
         least = history.edges[0].missed
         ended = least >= SETTINGS.same_distance and bool(history.new_edges)
         ended = ended and not self.task.clock.late
-        is_nearest = self._is_nearest(least, self._stored_distances)
+        is_nearest = self._is_nearest(least, [one.distance for one in self._stored(history)])
         ends = (self.blocked or ended) and is_nearest and not self._may_pass(history)
         return ends or self.is_settled(history)
 
@@ -257,7 +278,7 @@ class Search:
 
         A throw that lands there meets nothing but them, and no two landings short of it agree.
         """
-        if not self.task.scene.obstacle or are_equal([one.missed for one in history.new_edges]):
+        if not self.task.scene.obstacle or self._agree(history.new_edges):
             return False
         return any(one.meets_at < history.edges[0].missed for one in history.attempts)
 
@@ -324,15 +345,16 @@ def from_library(search: Search, history: History) -> Try | None:
     Most targets that no throw of it was moved to are out of reach, if there are many; this says so
     soonest.
     """
-    number = sum(isinstance(one, Approach) for one in history.tries)
-    if search.is_sparse or search.blocked or history.found or search.is_settled(history):
+    if search.is_sparse or history.found or search.is_settled(history):
         return None
-    return next(islice(search.stored, number, None), None)
+    if search.is_mapped and not any(isinstance(one, Recall) for one in history.tries):
+        return Recall(search.boundary[0])
+    return None if search.blocked else next(islice(search.stored, history.approaches, None), None)
 
 
 def from_beside(search: Search, history: History) -> Try | None:
     """A throw that lands beside the target, brought as near to it as limits let it."""
-    number = sum(isinstance(one, Approach) for one in history.tries)
+    number = history.approaches
     enough = history.found or search.is_settled(history)
     is_given_up = search.blocked and number == SETTINGS.equal_landings
     if enough or is_given_up or not search.candidates.nearest:
@@ -342,10 +364,25 @@ def from_beside(search: Search, history: History) -> Try | None:
 
 def from_beside_again(search: Search, history: History) -> Try | None:
     """A sampled throw, brought near by the other way, or with constraints that cost more."""
-    number = sum(isinstance(one, Approach) for one in history.tries) - len(search.approaches)
-    if number < 0 or search.blocked or history.found or search.is_settled(history):
+    if search.blocked or history.found or search.is_settled(history):
         return None
-    return next(islice(search.again, number, None), None)
+    number = history.approaches - len(search.approaches)
+    return next(islice(search.again, number, None), None) if number >= 0 else None
+
+
+def from_edge(search: Search, history: History) -> Try | None:
+    """The nearest landing brought as near as limits let it at any effort, once the target is out of
+    reach; throws of a library's boundary are kept as they are."""
+    is_done = any(isinstance(one, Approach) and one.last for one in history.tries)
+    if is_done or history.found or not (history.edges and search.is_sparse) or search.blocked:
+        return None
+    edge, task = history.edges[0], search.task
+    if edge.throw is None or not search.is_nearest_possible(history):
+        return None
+    request = Request(task.scene, edge.throw.manipulator)
+    guess = partial(initial_guess_from, throw=edge.throw, request=request)
+    start = Start(edge.goal, guess, "fatrop", edge.refinement)
+    return Approach(edge.goal, start, edge.missed, last=True)
 
 
 def from_samples(search: Search, history: History) -> Try | None:
@@ -394,4 +431,5 @@ FROM_NOTHING: tuple[Strategy, ...] = (
     from_samples,
     from_beside_again,
     from_samples_again,
+    from_edge,
 )
