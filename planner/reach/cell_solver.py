@@ -47,13 +47,15 @@ class SolverSettings:
 
     patience [s]: longest time for one cell. max_distance [m]: a throw with a larger pose error is
     not moved along its slope. max_moves: a throw is moved along its slope from cell to cell at most
-    this often; then the NLP is solved. max_starts: sampled releases that a throw is solved from.
+    this often; then the NLP is solved. max_starts: sampled releases that a throw is solved from;
+    edge_starts: before a cell counts as beyond the boundary, of those that differ.
     """
 
     patience: float = 3.0
     max_distance: float = 0.15
     max_moves: int = 2
     max_starts: int = 2
+    edge_starts: int = 6
 
 
 SETTINGS = SolverSettings()
@@ -71,14 +73,16 @@ class KnownThrow:
 class CellTask:
     """A cell, the landing in its middle, and a throw that lands beside it or sampled releases.
 
-    A cell that may be beyond the boundary has the two throws that land nearest for its source.
-    has_throw: whether the cell has a throw, which a cheaper one is to replace.
+    A cell that may be beyond the boundary has the two throws that land nearest for its source, and
+    `others` to try before it counts so. has_throw: whether the cell has a throw, which a cheaper
+    one is to replace.
     """
 
     cell: Cell
     goal: Pose
     source: KnownThrow | Releases | tuple[KnownThrow, ...]
     has_throw: bool = False
+    others: Releases | None = None
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,7 @@ class CellSolver:
         if isinstance(source, Releases):
             return CellResult(cell, self._from_releases(source, task))
         if isinstance(source, tuple):
-            return self._approached(cell, source, task)
+            return self._approached(cell_task, source, task)
         near = Neighbour.of(source.optimum, goal, self.problems.scene)
         is_near, found = near.distance < SETTINGS.max_distance, None
         if is_near and source.moves < SETTINGS.max_moves:
@@ -134,10 +138,12 @@ class CellSolver:
             return None
         return KnownThrow(last.throw.optimum)
 
-    def _approached(self, cell: Cell, sources: Sequence[KnownThrow], task: Task) -> CellResult:
+    def _approached(
+        self, cell_task: CellTask, sources: Sequence[KnownThrow], task: Task
+    ) -> CellResult:
         """The first throw that is brought to the cell; else the one that limits let come nearest,
-        if they end the others equally near."""
-        short = list[Attempt]()
+        if they end the others equally near and no sampled release leads there."""
+        cell, short = cell_task.cell, list[Attempt]()
         for source in sources:
             near = Neighbour.of(source.optimum, task.target, task.scene)
             step = Approach(near.goal, near, near.distance, light=True)
@@ -148,6 +154,8 @@ class CellSolver:
             short += [last] if last.is_edge else []
         if not agree((one.miss for one in short), task.scene.object.half_length):
             return CellResult(cell, None)
+        if cell_task.others is not None and (found := self._from_releases(cell_task.others, task)):
+            return CellResult(cell, found)
         nearest = min(short, key=attrgetter("missed"))
         assert nearest.throw is not None and nearest.edge is not None
         controls, names = self.corrector.controls, nearest.edge.names
@@ -171,9 +179,8 @@ class CellSolver:
         return self._solution(replace(start, rough=True), task)
 
     def _from_releases(self, releases: Releases, task: Task) -> KnownThrow | None:
-        """The NLP's solution from the sampled releases that land nearest; None without one."""
-        nearest = starts(releases, task.scene, task.target, "exact", SETTINGS.max_starts)
-        for index, goal, _ in nearest:
+        """The NLP's solution from sampled releases, the nearest first; None without one."""
+        for index, goal, _ in starts(releases, task.scene, task.target, "exact", len(releases.q)):
             start = release_start(self.problems, task, releases, index, goal)
             start = replace(start, refinement=first_refinement(self.problems.scene))
             found = self._solution(start, task)

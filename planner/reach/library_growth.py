@@ -22,10 +22,11 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from ...problems import Pose
 from ..library import Library, Records
 from ..ocp import Optimum
 from ..samples import Releases, sparse_parents, starts
-from ..search import Clock, NlpCache
+from ..search import Candidates, Clock, NlpCache, Task
 from ..workers import Progress, run_jobs
 from .cell_solver import (
     CellResult,
@@ -254,8 +255,17 @@ class LibraryBuilder:
                 away = np.abs(np.array(known) - cell).sum(axis=1)
                 nearest = np.argsort(away, kind="stable")[: SETTINGS.edge_sources]
                 sources = tuple(self._solved[known[k]] for k in nearest)
-                return CellTask(cell, self._cells.middle(cell, self._target), sources)
+                goal = self._cells.middle(cell, self._target)
+                return CellTask(cell, goal, sources, others=self._different_releases(goal))
         return None
+
+    def _different_releases(self, goal: Pose) -> Releases:
+        """Sampled releases that differ, and arrive as a throw to the goal would."""
+        problems, solver = self._solver.problems, SolverSettings()
+        task = Task(problems.scene.aimed_at(goal), goal)
+        found = Candidates(self._releases, task, problems.manipulator).arriving
+        chosen = [index for index, _, _ in found.different[: solver.edge_starts]]
+        return found.releases.picked(np.array(chosen, int))
 
     def _releases_near(self, cell: Cell) -> Releases:
         """The sampled releases that land nearest to a cell's middle."""

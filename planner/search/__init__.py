@@ -2,7 +2,7 @@
 
 from .approach import approach_goal
 from .attempt import Attempt, Start, attempts, error_over
-from .candidates import release_start
+from .candidates import Candidates, release_start
 from .context import SearchContext, agree
 from .continuation import SqpContinuation
 from .feasibility import check_start

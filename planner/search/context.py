@@ -25,12 +25,11 @@ class SearchSettings:
     sampled starts, and those of them that arrive well, solved before throws beside the target are
     brought to it. approaches: solved throws brought as near to the target as limits allow.
     same_distance: a throw within it of one that is kept is not kept; without a library, a target
-    within it of the nearest landing is not called out of reach. close_distance: a target within it
-    of the nearest landing may be in reach of another motion. A target is out of reach if the
-    nearest landing and another agree: their distances are within a factor of `equal_ratio`, and
-    they are nearer to each other than `same_side` of that; or if there is a nearest landing and
-    `vain_starts` sampled starts lead nowhere. Behind the base column the search ends after
-    `equal_landings` approaches. An approach that limits hold
+    within it of the nearest landing is not called out of reach. A target is out of reach if there
+    is a nearest landing and `vain_starts` sampled starts lead nowhere, or with a library of `dense`
+    throws or more if the nearest landing and another agree: their distances are within a factor of
+    `equal_ratio`, and they are nearer to each other than `same_side` of that. Behind the base
+    column the search ends after `equal_landings` approaches. An approach that limits hold
     farther off than `hopeless` times the nearest landing ends. dense: throws of a library whose
     reach is known by them.
     """
@@ -44,7 +43,6 @@ class SearchSettings:
     first_starts: int = 1
     approaches: int = 2
     same_distance: float = 0.005
-    close_distance: float = 0.03
     vain_starts: int = 6
     equal_landings: int = 2
     equal_ratio: float = 1.1

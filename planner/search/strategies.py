@@ -14,8 +14,6 @@ from heapq import merge
 from itertools import islice
 from operator import attrgetter
 
-import numpy as np
-
 from ...problems import Cost
 from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement, Request
@@ -27,7 +25,6 @@ from .candidates import (
     STARTS_AMONG,
     Candidates,
     release_start,
-    same_end,
 )
 from .context import SETTINGS, SearchContext, agree
 from .feasibility import in_column
@@ -212,38 +209,22 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        The nearest landings are equal and, without a library, not close, or many sampled starts
-        lead nowhere (`SearchSettings`); millimetres beside a landing all starts are tried. Landings
-        from throws of earlier plans agree with others only, since these throws may be alike, and
-        those that enter a cup with another end first only with one that does not. No throw of the
-        library, nor a sampled one that arrives as a throw to the target would, lands nearer to it.
+        Many sampled starts lead nowhere, or with a dense library the nearest landings agree: one of
+        them new, as throws of earlier plans may be alike. No throw of the library, nor a sampled
+        one that arrives as a throw to the target would, lands nearer to it.
         """
-        edges, library = history.edges, self.context.library
+        edges = history.edges
         if not edges:
             return False
         stored, least = self._stored(history), edges[0].missed
-        known, ratio = [one.distance for one in stored], SETTINGS.equal_ratio
-        new = [one.missed for one in history.new_edges]
-        is_close = least < SETTINGS.close_distance and not len(library)
-        is_new = bool(new) and new[0] <= ratio * least
-        are_alike = is_new and not is_close and self._agree([*edges, *stored])
-        are_alike = are_alike and (not self.is_sparse or self._enters_alike(edges))
+        is_new = any(one.missed <= SETTINGS.equal_ratio * least for one in history.new_edges)
+        are_alike = is_new and not self.is_sparse and self._agree([*edges, *stored])
         starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
         is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
         if not (are_alike or is_vain) or self._may_pass(history):
             return False
-        return self._is_nearest(least, known + [away for _, _, away in self.arriving.nearest])
-
-    def _enters_alike(self, edges: Sequence[Attempt]) -> bool:
-        """Whether one of the throws enters the cup with the end first that the target has.
-
-        Others say little of the target's side of the cup's mouth.
-        """
-        theta = self.task.target.theta
-        if self.task.scene.cup is None or theta is None:
-            return True
-        landed = [one.throw.deciding.landing.theta for one in edges if one.throw is not None]
-        return bool(same_end(self.task, np.array(landed), theta).any())
+        sampled = [away for _, _, away in self.arriving.nearest]
+        return self._is_nearest(least, [one.distance for one in stored] + sampled)
 
     def _is_nearest(self, least: float, known: list[float]) -> bool:
         """Whether no known throw lands nearer to the target than `least` [m]."""

@@ -289,6 +289,22 @@ def test_what_is_named_nearest_is_not_the_next_best(
     assert other.plan(plan.nearest, patience=60.0).solved
 
 
+def test_landings_equally_far_on_different_sides_settle_nothing() -> None:
+    """The nearest of two approaches ended 0.11 m off, one in angle and one in x."""
+    planner = tp.Planner("pose", library=False)
+    target = planner.scene.target.in_plane(1.248871172, 2.412940836)
+    plan = planner.plan(target, patience=30.0)
+    assert plan.solved, plan.message
+
+
+@pytest.mark.parametrize(("x", "theta"), [(2.5071, -8.222), (3.8149, 15.3616)])
+def test_approaches_that_agree_are_not_enough(x: float, theta: float) -> None:
+    """Limits hold two of them 42 to 86 mm off at one place; releases that differ lead here."""
+    planner = tp.Planner("hand-flip", library=False)
+    plan = planner.plan(planner.scene.target.in_plane(x, theta), patience=30.0)
+    assert plan.solved, plan.message
+
+
 @pytest.mark.slow
 def test_an_elastic_solve_that_ends_farther_off_than_a_release_settles_nothing(
     cup,
