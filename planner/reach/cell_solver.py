@@ -21,6 +21,7 @@ from ..ocp import (
 )
 from ..samples import Releases, starts
 from ..search import (
+    PRICES,
     Approach,
     Attempt,
     Clock,
@@ -55,7 +56,7 @@ class SolverSettings:
     max_distance: float = 0.15
     max_moves: int = 2
     max_starts: int = 2
-    edge_starts: int = 6
+    edge_starts: int = 3
 
 
 SETTINGS = SolverSettings()
@@ -146,7 +147,8 @@ class CellSolver:
         cell, short = cell_task.cell, list[Attempt]()
         for source in sources:
             near = Neighbour.of(source.optimum, task.target, task.scene)
-            step = Approach(near.goal, near, near.distance, light=True)
+            # The first price alone would add half to the time of a library.
+            step = Approach(near.goal, near, near.distance, light=True, prices=PRICES[-1:])
             *_, last = approach_goal(self.corrector, step, task)
             found = self._known(last, task)
             if found is not None:

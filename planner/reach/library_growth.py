@@ -260,12 +260,12 @@ class LibraryBuilder:
         return None
 
     def _different_releases(self, goal: Pose) -> Releases:
-        """Sampled releases that differ, and arrive as a throw to the goal would."""
+        """Sampled releases that land near the goal and differ."""
         problems, solver = self._solver.problems, SolverSettings()
         task = Task(problems.scene.aimed_at(goal), goal)
-        found = Candidates(self._releases, task, problems.manipulator).arriving
-        chosen = [index for index, _, _ in found.different[: solver.edge_starts]]
-        return found.releases.picked(np.array(chosen, int))
+        found = Candidates(self._releases, task, problems.manipulator).different
+        chosen = [index for index, _, _ in found[: solver.edge_starts]]
+        return self._releases.picked(np.array(chosen, int))
 
     def _releases_near(self, cell: Cell) -> Releases:
         """The sampled releases that land nearest to a cell's middle."""

@@ -27,12 +27,6 @@ from .nlp_cache import NlpCache, Task
 ROUNDS = 4
 #: Most NLPs for the goal itself, once an elastic landing reaches it.
 TRIES = 4
-#: Prices [1/m] of an elastic landing's pose error, one after the other. From a start more NLPs are
-#: solved at the first (38 of 63 beside `cup`; 23 at the second). The effort rises steeply at the
-#: edge of the reach: at the first landings end up to 11 mm short of it.
-PRICES = (100.0, 1000.0)
-#: Price [1/m] for the nearest landing of a search: 9 of 118 come nearer by more than a tenth.
-LAST_PRICE = 10_000.0
 #: Price of the angle where it comes to the goal first, over its price in the pose error. The pose
 #: error has a kink at the goal's x and one at its angle, and limits hold a throw at either: from
 #: the same samples both ways end at landings that differ by a factor of up to ten.
@@ -64,14 +58,14 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
     if task.scene.cup is not None:
         margins = refinement.margins.replace(cup=ELASTIC_CUP_MARGIN - CUP_MARGIN)
         refinement = Refinement(refinement.lazy | {"flight"}, margins, refinement.bodies)
-    start = Start(goal, guess, "fatrop", refinement, elastic=PRICES[0])
+    start = Start(goal, guess, "fatrop", refinement, elastic=step.prices[0])
     if step.turns and goal.theta is not None:
         made = list(_rounds(problems, replace(start, turning=TURNING), step, task))
         yield from made
         if not made[-1].is_edge or made[-1].throw is None:
             return
         start = replace(start, guess=_guess(made[-1].throw, task), refinement=made[-1].refinement)
-    for price in (LAST_PRICE,) if step.last else PRICES:
+    for price in step.prices:
         *made, last = _rounds(problems, replace(start, elastic=price), step, task)
         yield from (*made, last)
         if not last.is_edge or last.throw is None or last.missed > step.most:

@@ -29,7 +29,7 @@ from .candidates import (
 from .context import SETTINGS, SearchContext, agree
 from .feasibility import in_column
 from .guess import initial_guess_from
-from .history import Approach, History, Move, Recall, Solve, Try
+from .history import LAST_PRICE, Approach, History, Move, Recall, Solve, Try
 from .move import moved_start, optimum_of
 from .nlp_cache import Task
 
@@ -354,7 +354,7 @@ def from_beside_again(search: Search, history: History) -> Try | None:
 def from_edge(search: Search, history: History) -> Try | None:
     """The nearest landing brought as near as limits let it at any effort, once the target is out of
     reach; throws of a library's boundary are kept as they are."""
-    is_done = any(isinstance(one, Approach) and one.last for one in history.tries)
+    is_done = any(isinstance(one, Approach) and one.is_last for one in history.tries)
     if is_done or history.found or not (history.edges and search.is_sparse) or search.blocked:
         return None
     edge, task = history.edges[0], search.task
@@ -363,7 +363,7 @@ def from_edge(search: Search, history: History) -> Try | None:
     request = Request(task.scene, edge.throw.manipulator)
     guess = partial(initial_guess_from, throw=edge.throw, request=request)
     start = Start(edge.goal, guess, "fatrop", edge.refinement)
-    return Approach(edge.goal, start, edge.missed, last=True)
+    return Approach(edge.goal, start, edge.missed, prices=(LAST_PRICE,))
 
 
 def from_samples(search: Search, history: History) -> Try | None:
