@@ -21,7 +21,6 @@ from ..ocp import (
 )
 from ..samples import Releases, starts
 from ..search import (
-    PRICES,
     Approach,
     Attempt,
     Clock,
@@ -147,8 +146,7 @@ class CellSolver:
         cell, short = cell_task.cell, list[Attempt]()
         for source in sources:
             near = Neighbour.of(source.optimum, task.target, task.scene)
-            # The first price alone would add half to the time of a library.
-            step = Approach(near.goal, near, near.distance, light=True, prices=PRICES[-1:])
+            step = Approach(near.goal, near, near.distance, light=True)
             *_, last = approach_goal(self.corrector, step, task)
             found = self._known(last, task)
             if found is not None:

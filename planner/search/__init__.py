@@ -7,7 +7,7 @@ from .context import SearchContext, agree
 from .continuation import SqpContinuation
 from .feasibility import check_start
 from .guess import initial_guess_from, remaining_throw, remaining_trajectory
-from .history import PRICES, Approach, Entry, History, Solve
+from .history import Approach, Entry, History, Solve
 from .loop import find_throws
 from .move import (
     Corrector,

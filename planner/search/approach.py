@@ -40,7 +40,7 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
 
     Where a start's own goal is beside that of the step, that is solved for first.
     """
-    problems, goal, source = corrector.problems, step.goal, step.source
+    problems, sound, goal, source = corrector.problems, True, step.goal, step.source
     if isinstance(source, Neighbour):
         throw = throw_of(corrector.controls, problems.manipulator, source.optimum, task)
         guess, refinement = _guess(throw, task), throw.refinement
@@ -53,6 +53,7 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
                 return
             yield from (_beside(one, goal, task) for one in made)
             last = made[-1]
+            sound = last.solved
             if last.solved and last.throw is not None:
                 guess, refinement = _guess(last.throw, task), last.refinement
     if task.scene.cup is not None:
@@ -60,25 +61,31 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
         refinement = Refinement(refinement.lazy | {"flight"}, margins, refinement.bodies)
     start = Start(goal, guess, "fatrop", refinement, elastic=step.prices[0])
     if step.turns and goal.theta is not None:
-        made = list(_rounds(problems, replace(start, turning=TURNING), step, task))
+        made = list(_rounds(problems, replace(start, turning=TURNING), step, task, sound))
         yield from made
         if not made[-1].is_edge or made[-1].throw is None:
             return
         start = replace(start, guess=_guess(made[-1].throw, task), refinement=made[-1].refinement)
     for price in step.prices:
-        *made, last = _rounds(problems, replace(start, elastic=price), step, task)
+        is_first = sound and price == step.prices[0]
+        *made, last = _rounds(problems, replace(start, elastic=price), step, task, is_first)
         yield from (*made, last)
         if not last.is_edge or last.throw is None or last.missed > step.most:
             return
         start = replace(start, guess=_guess(last.throw, task), refinement=last.refinement)
 
 
-def _rounds(problems: NlpCache, start: Start, step: Approach, task: Task) -> Iterator[Attempt]:
+def _rounds(
+    problems: NlpCache, start: Start, step: Approach, task: Task, sound: bool
+) -> Iterator[Attempt]:
     """NLPs with an elastic landing from one start, each refined by the check of the one before, and
-    for the goal itself once one reaches it."""
+    for the goal itself once one reaches it; sound: the start breaks nothing where it lands."""
     goal = step.goal
     for _ in range(ROUNDS):
         *_, near = attempts(problems, start, task)
+        if near.throw is None and sound and not step.light and "ipopt" in task.solvers:
+            # From a sound throw IPOPT's restoration solves some that FATROP's does not, in seconds.
+            *_, near = attempts(problems, replace(start, solver="ipopt"), task)
         if near.throw is not None and _reaches(near.throw, goal):
             tries, guess = 1 if step.light else TRIES, _guess(near.throw, task)
             made = attempts(

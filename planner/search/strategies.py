@@ -213,18 +213,22 @@ class Search:
         them new, as throws of earlier plans may be alike. No throw of the library, nor a sampled
         one that arrives as a throw to the target would, lands nearer to it.
         """
-        edges = history.edges
-        if not edges:
+        if not history.edges:
             return False
-        stored, least = self._stored(history), edges[0].missed
-        is_new = any(one.missed <= SETTINGS.equal_ratio * least for one in history.new_edges)
-        are_alike = is_new and not self.is_sparse and self._agree([*edges, *stored])
+        stored, least = self._stored(history), history.edges[0].missed
+        are_alike = not self.is_sparse and self.are_alike(history)
         starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
         is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
         if not (are_alike or is_vain) or self._may_pass(history):
             return False
         sampled = [away for _, _, away in self.arriving.nearest]
         return self._is_nearest(least, [one.distance for one in stored] + sampled)
+
+    def are_alike(self, history: History) -> bool:
+        """Whether the nearest landings agree, one of them new."""
+        most = SETTINGS.equal_ratio * history.edges[0].missed if history.edges else 0.0
+        is_new = any(one.missed <= most for one in history.new_edges)
+        return is_new and self._agree([*history.edges, *self._stored(history)])
 
     def _is_nearest(self, least: float, known: list[float]) -> bool:
         """Whether no known throw lands nearer to the target than `least` [m]."""
@@ -334,9 +338,10 @@ def from_library(search: Search, history: History) -> Try | None:
 
 
 def from_beside(search: Search, history: History) -> Try | None:
-    """A throw that lands beside the target, brought as near to it as limits let it."""
+    """A throw that lands beside the target, brought as near to it as limits let it, until the
+    nearest landings agree."""
     number = history.approaches
-    enough = history.found or search.is_settled(history)
+    enough = history.found or search.is_settled(history) or search.are_alike(history)
     is_given_up = search.blocked and number == SETTINGS.equal_landings
     if enough or is_given_up or not search.candidates.nearest:
         return None
