@@ -16,4 +16,5 @@ from .move import (
     optimum_of,
 )
 from .nlp_cache import Clock, NlpCache, Task
-from .strategies import FROM_NOTHING, FROM_THROWS, Search, from_warm_plan
+from .search import Search
+from .strategies import FROM_NOTHING, FROM_THROWS, from_warm_plan

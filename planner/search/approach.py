@@ -7,18 +7,16 @@ landing is called the nearest possible only if the throw breaks nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
-from ...models import Array
 from ...problems import Pose
 from ..library import Neighbour
-from ..ocp import CUP_MARGIN, Refinement, Request, ThrowNlp
+from ..ocp import CUP_MARGIN, Refinement
 from ..result import PlannedThrow
 from ..verdict import verdict
 from .attempt import Attempt, NearestFeasible, Start, attempts
-from .guess import initial_guess_from
+from .guess import guess_of
 from .history import Approach
 from .move import Corrector, throw_of
 from .nlp_cache import NlpCache, Task
@@ -43,7 +41,7 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
     problems, sound, goal, source = corrector.problems, True, step.goal, step.source
     if isinstance(source, Neighbour):
         throw = throw_of(corrector.controls, problems.manipulator, source.optimum, task)
-        guess, refinement = _guess(throw, task), throw.refinement
+        guess, refinement = guess_of(throw, task.scene), throw.refinement
     else:
         guess, refinement = source.guess, source.refinement
         if source.goal != goal:
@@ -55,7 +53,7 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
             last = made[-1]
             sound = last.solved
             if last.solved and last.throw is not None:
-                guess, refinement = _guess(last.throw, task), last.refinement
+                guess, refinement = guess_of(last.throw, task.scene), last.refinement
     if task.scene.cup is not None:
         margins = refinement.margins.replace(cup=ELASTIC_CUP_MARGIN - CUP_MARGIN)
         refinement = Refinement(refinement.lazy | {"flight"}, margins, refinement.bodies)
@@ -65,14 +63,16 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
         yield from made
         if not made[-1].is_edge or made[-1].throw is None:
             return
-        start = replace(start, guess=_guess(made[-1].throw, task), refinement=made[-1].refinement)
+        start = replace(
+            start, guess=guess_of(made[-1].throw, task.scene), refinement=made[-1].refinement
+        )
     for price in step.prices:
         is_first = sound and price == step.prices[0]
         *made, last = _rounds(problems, replace(start, elastic=price), step, task, is_first)
         yield from (*made, last)
         if not last.is_edge or last.throw is None or last.missed > step.most:
             return
-        start = replace(start, guess=_guess(last.throw, task), refinement=last.refinement)
+        start = replace(start, guess=guess_of(last.throw, task.scene), refinement=last.refinement)
 
 
 def _rounds(
@@ -87,7 +87,7 @@ def _rounds(
             # From a sound throw IPOPT's restoration solves some that FATROP's does not, in seconds.
             *_, near = attempts(problems, replace(start, solver="ipopt"), task)
         if near.throw is not None and _reaches(near.throw, goal):
-            tries, guess = 1 if step.light else TRIES, _guess(near.throw, task)
+            tries, guess = 1 if step.light else TRIES, guess_of(near.throw, task.scene)
             made = attempts(
                 problems, Start(goal, guess, task.solvers[0], start.refinement, tries), task
             )
@@ -104,11 +104,6 @@ def _rounds(
             return
         # Again from the throw that this round began with.
         start = replace(start, refinement=after)
-
-
-def _guess(throw: PlannedThrow, task: Task) -> Callable[[ThrowNlp], Array]:
-    request = Request(task.scene, throw.manipulator)
-    return partial(initial_guess_from, throw=throw, request=request)
 
 
 def _reaches(throw: PlannedThrow, goal: Pose) -> bool:

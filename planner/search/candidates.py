@@ -6,19 +6,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from ...models import Array, Flags
 from ...problems import Pose, Scene
-from ..ocp import Request
 from ..result import PlannedThrow
 from ..samples import Releases, flies_past_column, in_obstacles, sampled_throw, starts
 from ..throw import Manipulator, column_of
 from ..verdict import lands_well, verdict
 from .attempt import Start
-from .guess import initial_guess_from
+from .guess import guess_of
 from .nlp_cache import NlpCache, Task
 
 #: (solver, number of sampled releases, and of those that arrive well, that it starts from for each
@@ -186,5 +185,4 @@ def release_start(problems: NlpCache, task: Task, table: Releases, index: int, g
     scene, manipulator = task.scene, problems.manipulator
     thrown = sampled_throw(scene, manipulator, table, index)
     throw = PlannedThrow(thrown.path, thrown, 0.0, (0, 0))
-    guess = partial(initial_guess_from, throw=throw, request=Request(scene, manipulator))
-    return Start(goal, guess, task.solvers[0], tries=TRIES)
+    return Start(goal, guess_of(throw, scene), task.solvers[0], tries=TRIES)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -79,6 +81,12 @@ def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> 
         return 0.0
 
     return nlp.decision_vector(times, list(throw.planned.at(times)), relative, other)
+
+
+def guess_of(throw: PlannedThrow, scene: Scene) -> Callable[[ThrowNlp], Array]:
+    """What makes the decision vector of an NLP of `scene` from a throw."""
+    request = Request(scene, throw.manipulator)
+    return partial(initial_guess_from, throw=throw, request=request)
 
 
 def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float, Array]:

@@ -22,7 +22,8 @@ from .attempt import Attempt, Start
 #: solved at the first (38 of 63 beside `cup`; 23 at the second). The effort rises steeply at the
 #: edge of the reach: at the first landings end up to 11 mm short of it.
 PRICES = (100.0, 1000.0)
-#: Price [1/m] for the nearest landing of a search: 9 of 118 come nearer by more than a tenth.
+#: Price [1/m] for the nearest landing of a search. At this price after the others 9 of 117 landings
+#: came nearer by more than a tenth.
 LAST_PRICE = 10_000.0
 #: Throws differ if their coordinates or rates at the opening's start do by more than this share.
 DIFFERENT_SHARE = 0.1

@@ -8,7 +8,8 @@ from ...interrupts import INTERRUPTS
 from .approach import approach_goal, recalled
 from .attempt import Attempt, attempts
 from .history import Approach, Entry, History, Move, Recall, Solve, Try
-from .strategies import Search, Strategy
+from .search import Search
+from .strategies import Strategy
 
 
 def find_throws(search: Search, strategies: Sequence[Strategy], history: History) -> History:

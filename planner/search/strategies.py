@@ -6,19 +6,13 @@ start. Then sampled releases that land near it, and what is possible nearest to 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from heapq import merge
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import islice
-from operator import attrgetter
 
 from ...problems import Cost
-from ..library import Library, Neighbour
-from ..ocp import BASE, Optimum, Refinement, Request
-from ..result import PlannedThrow
-from .attempt import Attempt, Start
+from ..library import Neighbour
+from .attempt import Start
 from .candidates import (
     REGION_STARTS,
     STARTS,
@@ -26,252 +20,10 @@ from .candidates import (
     Candidates,
     release_start,
 )
-from .context import SETTINGS, SearchContext, agree
-from .feasibility import in_column
-from .guess import initial_guess_from
+from .context import SETTINGS
+from .guess import guess_of
 from .history import LAST_PRICE, Approach, History, Move, Recall, Solve, Try
-from .move import moved_start, optimum_of
-from .nlp_cache import Task
-
-
-@dataclass(frozen=True, eq=False)
-class Search:
-    """The search for one plan; warm: a throw to a target near the task's.
-
-    Where a solver is named, no throw is moved.
-    """
-
-    context: SearchContext
-    task: Task
-    warm: PlannedThrow | None = None
-
-    def neighbours(self) -> Iterator[Neighbour]:
-        """Solved throws near the target: the warm plan's and the library's, nearest first."""
-        task, context = self.task, self.context
-        near = self._nearest(context.library, self.moves)
-        # For targets that an earlier plan named as the nearest possible: its throw lands there.
-        same = SETTINGS.same_distance
-        named = (one for one in self._nearest(context.found, 2, same) if one.optimum.binding)
-        boundary = context.library.nearest_of_boundary(task.target, task.turns, 1, same)
-        found = self._warm_neighbour, named, boundary, near
-        return merge(*found, key=lambda one: one.distance)
-
-    def _nearest(
-        self, throws: Library, count: int, within: float = SETTINGS.max_distance
-    ) -> Iterator[Neighbour]:
-        """At most `count` solved throws with a pose error below `within` [m], nearest first."""
-        return throws.nearest_throws(self.task.target, self.task.turns, count, within)
-
-    @property
-    def moves(self) -> int:
-        """Most neighbours that are moved."""
-        wanted = self.task.wanted
-        return SETTINGS.moves if wanted == 1 else SETTINGS.moves_for_choice * wanted
-
-    @cached_property
-    def _warm_neighbour(self) -> list[Neighbour]:
-        """The warm plan's optimum, if it lands near enough."""
-        warm, task = self.warm, self.task
-        optimum = None if warm is None else self._optimum(warm)
-        if optimum is None:
-            return []
-        near = Neighbour.of(optimum, task.target, task.scene)
-        return [near] if near.distance < SETTINGS.warm_distance else []
-
-    def _optimum(self, throw: PlannedThrow) -> Optimum | None:
-        if throw.optimum is not None or throw.solution is None:
-            return throw.optimum
-        problems, target = self.context.problems, throw.deciding.target
-        program = problems.problem(target, throw.refinement, "fatrop", self.task.clock)
-        return optimum_of(self.context.library.controls, program, throw)
-
-    def is_complete(self, history: History) -> bool:
-        """Whether there are as many throws as the task wants.
-
-        Of throws to a region the cheapest is wanted, unless a warm plan or the library leads there.
-        """
-        if len(history.found) < self.task.wanted or not self.task.target.is_region:
-            return len(history.found) >= self.task.wanted
-        warm, known = (len(history.solves_from(name)) for name in ("warm plan", "neighbour"))
-        tries = len(history.tries)
-        return warm > 0 or known >= SETTINGS.moves or tries >= REGION_STARTS
-
-    def limited(self, step: Try, history: History) -> Try:
-        """A try that ends early where it leads to no cheaper throw into a region, or no nearer."""
-        if isinstance(step, Approach) and history.edges:
-            return replace(step, most=SETTINGS.hopeless * history.edges[0].missed)
-        is_compared = self.task.target.is_region and self.task.wanted == 1 and history.found
-        if not isinstance(step, Solve) or not is_compared:
-            return step
-        assert history.found[0].throw is not None
-        most = SETTINGS.comparable * history.found[0].throw.effort
-        return replace(step, start=replace(step.start, below=most))
-
-    def start(self, near: Neighbour) -> Start:
-        """A solver's start from a solved throw near the target."""
-        context = self.context
-        controls, manipulator = context.library.controls, context.problems.manipulator
-        return moved_start(controls, manipulator, near.optimum, near.goal, self.task)
-
-    @cached_property
-    def candidates(self) -> Candidates:
-        """The table's releases as starts."""
-        with self.task.clock("build"):
-            table = self.context.table()
-        return Candidates(table, self.task, self.context.problems.manipulator)
-
-    @cached_property
-    def blocked(self) -> bool:
-        """Whether the bar would be inside the base column at the target."""
-        return in_column(self.task.scene, self.task.target)
-
-    def refinement(self, history: History) -> Refinement:
-        """Refinement of the next NLP from another motion."""
-        return history.refinement(Refinement(frozenset({"passing"})) if self.blocked else BASE)
-
-    @cached_property
-    def approaches(self) -> list[Approach]:
-        """Approaches from the library, then from what lands nearest: throws of earlier plans and
-        samples; last from the nearest of the library with all that constraints cost."""
-        task, context = self.task, self.context
-        others = list[Approach]()
-        if len(task.solvers) > 1:
-            for near in self._nearest(context.found, SETTINGS.approaches, math.inf):
-                others.append(Approach(near.goal, near, near.distance, found=True))
-        for number, (table, index, goal, pose) in enumerate(self.candidates.judged):
-            start = release_start(context.problems, task, table, index, goal)
-            far = goal.distance(pose, task.scene.object.half_length) or math.inf
-            start = replace(start, goal=pose, again=True)
-            turns = number == 1 and far < math.inf
-            # Behind the base column an arm throws into a cup only with all that constraints cost,
-            # which takes seconds where it fails.
-            light = far == math.inf and task.scene.cup is not None and not self.blocked
-            others.append(Approach(goal, start, far, light=light, turns=turns))
-        others.sort(key=attrgetter("away"))  # One that breaks something where it lands comes last.
-        nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
-        others += [] if self.blocked else (replace(one, light=False) for one in nearest)
-        last = self.blocked or self.is_sparse
-        return [*others, *self.stored] if last else [*self.stored, *others]
-
-    @cached_property
-    def again(self) -> list[Approach]:
-        """Approaches after vain starts: sampled throws by the other way, as both ways from one are
-        no two that agree; then what was given up before costly constraints."""
-        sampled = [one for one in self.approaches if isinstance(one.source, Start)]
-        fixed = self.task.target.theta is not None
-        other = [replace(one, turns=not one.turns) for one in sampled if one.away < math.inf]
-        return (other if fixed else []) + [
-            replace(one, light=False) for one in sampled if one.light
-        ]
-
-    @property
-    def is_sparse(self) -> bool:
-        """Whether the library has too few throws to show how far the reach goes."""
-        return len(self.context.library) < SETTINGS.dense
-
-    @cached_property
-    def stored(self) -> list[Approach]:
-        """Approaches from the library: from the boundary of the reach, then from other throws.
-
-        They end before costly constraints: other starts may need none.
-        """
-        if len(self.task.solvers) == 1:
-            return []
-        others = self._nearest(self.context.library, SETTINGS.approaches, math.inf)
-        return [
-            Approach(near.goal, near, near.distance, light=True)
-            for near in (*self.boundary[:1], *others)
-        ]
-
-    @cached_property
-    def boundary(self) -> list[Neighbour]:
-        """The two nearest throws of the library's boundary."""
-        task = self.task
-        return list(self.context.library.nearest_of_boundary(task.target, task.turns, 2))
-
-    @property
-    def is_mapped(self) -> bool:
-        """Whether the library alone shows how near to the target limits let a throw come.
-
-        The nearest of its boundary is about as near as another of it, or as all other throws.
-        """
-        if self.is_sparse or not self.boundary or len(self.task.solvers) == 1:
-            return False
-        inside = list(self._nearest(self.context.library, 1, math.inf))
-        is_nearest = self._is_nearest(self.boundary[0].distance, [one.distance for one in inside])
-        return is_nearest and self._agree(self.boundary + inside)
-
-    @cached_property
-    def arriving(self) -> Candidates:
-        """The table's releases that arrive as a throw to the target would."""
-        return self.candidates.arriving
-
-    def is_settled(self, history: History) -> bool:
-        """Whether the target is out of reach.
-
-        Many sampled starts lead nowhere, or with a dense library the nearest landings agree: one of
-        them new, as throws of earlier plans may be alike. No throw of the library, nor a sampled
-        one that arrives as a throw to the target would, lands nearer to it.
-        """
-        if not history.edges:
-            return False
-        stored, least = self._stored(history), history.edges[0].missed
-        are_alike = not self.is_sparse and self.are_alike(history)
-        starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
-        is_vain = least >= SETTINGS.same_distance and len(history.solves_from("samples")) >= starts
-        if not (are_alike or is_vain) or self._may_pass(history):
-            return False
-        sampled = [away for _, _, away in self.arriving.nearest]
-        return self._is_nearest(least, [one.distance for one in stored] + sampled)
-
-    def are_alike(self, history: History) -> bool:
-        """Whether the nearest landings agree, one of them new."""
-        most = SETTINGS.equal_ratio * history.edges[0].missed if history.edges else 0.0
-        is_new = any(one.missed <= most for one in history.new_edges)
-        return is_new and self._agree([*history.edges, *self._stored(history)])
-
-    def _is_nearest(self, least: float, known: list[float]) -> bool:
-        """Whether no known throw lands nearer to the target than `least` [m]."""
-        most = SETTINGS.equal_ratio * min(known, default=math.inf)
-        return least <= most + self.task.scene.tolerance.position
-
-    def _stored(self, history: History) -> list[Neighbour]:
-        """The library's nearest throw, and the nearest of its boundary that was not thrown."""
-        thrown = sum(isinstance(one, Recall) for one in history.tries)
-        inside = self._nearest(self.context.library, 1, math.inf)
-        return [*inside, *self.boundary[thrown:][:1]]
-
-    def _agree(self, ends: Sequence[Attempt | Neighbour]) -> bool:
-        """Whether the nearest landing and another agree (`agree`)."""
-        return agree((one.miss for one in ends), self.task.scene.object.half_length)
-
-    def is_nearest_possible(self, history: History) -> bool:
-        """Whether the nearest landing, once no try is left, is the nearest possible.
-
-        Millimetres from it another motion may still reach the target. Throws of earlier plans alone
-        show nothing, and no throw of the library may land nearer.
-        """
-        least = history.edges[0].missed
-        ended = least >= SETTINGS.same_distance and bool(history.new_edges)
-        ended = ended and not self.task.clock.late
-        is_nearest = self._is_nearest(least, [one.distance for one in self._stored(history)])
-        ends = (self.blocked or ended) and is_nearest and not self._may_pass(history)
-        return ends or self.is_settled(history)
-
-    def _may_pass(self, history: History) -> bool:
-        """Whether another way past the scene's obstacles may lead to the target.
-
-        A throw that lands there meets nothing but them, and no two landings short of it agree.
-        """
-        if not self.task.scene.obstacle or self._agree(history.new_edges):
-            return False
-        return any(one.meets_at < history.edges[0].missed for one in history.attempts)
-
-    def remember(self, history: History) -> None:
-        """Keeps the throws found, or the nearest landing, for later plans."""
-        for attempt in history.found or history.edges[:1]:
-            self.context.remember(attempt)
-
+from .search import Search
 
 Strategy = Callable[[Search, History], Try | None]
 
@@ -306,9 +58,7 @@ def from_warm_plan(search: Search, history: History) -> Try | None:
         start = search.start(Neighbour.of(warm.optimum, task.target, task.scene))
     else:
         # The rest of a swing has no solution of an NLP of this task.
-        request = Request(task.scene, warm.manipulator)
-        guess = partial(initial_guess_from, throw=warm, request=request)
-        start = Start(task.target, guess, task.solvers[0])
+        start = Start(task.target, guess_of(warm, task.scene), task.solvers[0])
     return Solve(start, "warm plan")
 
 
@@ -338,10 +88,13 @@ def from_library(search: Search, history: History) -> Try | None:
 
 
 def from_beside(search: Search, history: History) -> Try | None:
-    """A throw that lands beside the target, brought as near to it as limits let it, until the
-    nearest landings agree."""
+    """A throw that lands beside the target, brought as near to it as limits let it.
+
+    Where the nearest landings agree, sampled starts come first: without them nothing is settled.
+    """
     number = history.approaches
-    enough = history.found or search.is_settled(history) or search.are_alike(history)
+    enough = history.found or search.is_settled(history)
+    enough = enough or (search.are_alike(history) and not search.are_starts_vain(history))
     is_given_up = search.blocked and number == SETTINGS.equal_landings
     if enough or is_given_up or not search.candidates.nearest:
         return None
@@ -357,18 +110,17 @@ def from_beside_again(search: Search, history: History) -> Try | None:
 
 
 def from_edge(search: Search, history: History) -> Try | None:
-    """The nearest landing brought as near as limits let it at any effort, once the target is out of
-    reach; throws of a library's boundary are kept as they are."""
+    """The nearest landing to a target that is out of reach, brought as near to it as limits let it
+    at any effort; throws of a library's boundary stay as they are."""
     is_done = any(isinstance(one, Approach) and one.is_last for one in history.tries)
     if is_done or history.found or not (history.edges and search.is_sparse) or search.blocked:
         return None
-    edge, task = history.edges[0], search.task
+    edge = history.edges[0]
     if edge.throw is None or not search.is_nearest_possible(history):
         return None
-    request = Request(task.scene, edge.throw.manipulator)
-    guess = partial(initial_guess_from, throw=edge.throw, request=request)
+    guess = guess_of(edge.throw, search.task.scene)
     start = Start(edge.goal, guess, "fatrop", edge.refinement)
-    return Approach(edge.goal, start, edge.missed, prices=(LAST_PRICE,))
+    return Approach(edge.goal, start, edge.missed, light=True, prices=(LAST_PRICE,))
 
 
 def from_samples(search: Search, history: History) -> Try | None:

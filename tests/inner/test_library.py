@@ -453,6 +453,28 @@ def test_throws_of_the_boundary_land_where_they_say(prepared: tp.Planner) -> Non
         assert prepared.plan(landing).solved
 
 
+@pytest.mark.slow
+def test_the_boundary_of_a_large_library_answers_by_itself(tmp_path, monkeypatch) -> None:
+    """Without a solver, by a throw that breaks nothing where it lands."""
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    planner = tp.Planner(tp.load_scene("hand-flip"))
+    assert planner.prepare(1100) >= 1000
+    target, lever = planner.scene.target, planner.scene.object.half_length
+    middle = np.median(planner.library.landings(target.z)[:2], axis=1)
+    answered = 0
+    for near in planner.library.nearest_of_boundary(target, "exact", 60):
+        x, theta = near.landing
+        away = np.array([x, theta]) - middle
+        away *= 0.2 / (abs(away[0]) + lever * abs(away[1]))
+        beyond = target.in_plane(x + away[0], theta + away[1])
+        plan = planner.plan(beyond)
+        if plan.status == "out_of_reach" and plan.iterations == 0:
+            answered += 1
+            assert plan.binding and beyond.distance(plan.nearest, lever) < 0.201
+            assert planner.plan(plan.nearest).solved
+    assert answered >= 3
+
+
 def test_turns_alternatives_and_a_choice(prepared) -> None:
     target = next(t for t in targets(prepared, 4) if prepared.plan(t).solved)
     turned = prepared.plan(target.turned(-6 * math.pi), turns="any")

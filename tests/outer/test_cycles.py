@@ -228,8 +228,8 @@ def test_an_object_in_the_direct_way_is_gone_round(tmp_path: Path) -> None:
     assert "obstacle other part at its pick: bar meets it" in direct.verdict.words
     # What is carried meets the other part, or the arm does, by the throw that was found.
     thrown, waits = (one.hits for one in replay_cycle(direct).replays)
-    met = {"object other part (carried)", *(hit for hit in waits if hit.endswith("(waiting)"))}
-    assert met & {*thrown, *waits}
+    met = any(hit.endswith("(waiting)") for hit in waits)
+    assert met or "object other part (carried)" in thrown
 
 
 @pytest.mark.slow
