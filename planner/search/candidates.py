@@ -23,8 +23,9 @@ from .nlp_cache import NlpCache, Task
 #: (solver, number of sampled releases, and of those that arrive well, that it starts from for each
 #: wanted throw), in order. IPOPT takes ten times as long, and finds some that FATROP does not.
 STARTS = (("fatrop", 4), ("ipopt", 2))
-#: The same among obstacles, each of which parts the motions into those on its one side and other.
-STARTS_AMONG = (("fatrop", 16), ("ipopt", 2))
+#: The same where more is to be tried: among obstacles, each of which parts the motions into those
+#: on its one side and other; and for a hand, whose NLPs take a third of an arm's time.
+MANY_STARTS = (("fatrop", 16), ("ipopt", 2))
 #: Most sampled releases from which throws to a region are solved, to find the cheapest.
 REGION_STARTS = 8
 #: Nearest sampled throws of which starts are chosen, and of which collisions with obstacles are

@@ -201,15 +201,16 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        Many sampled starts lead nowhere, or with a dense library the nearest landings agree: one of
-        them new, as throws of earlier plans may be alike. No throw of the library, nor a sampled
-        one that arrives as a throw to the target would, lands nearer to it.
+        Many sampled starts lead nowhere, or with a dense library the nearest landings agree; the
+        nearest, or one about as near, is new, as throws of earlier plans may be alike. No throw of
+        the library, nor a sampled one that arrives as a throw to the target would, lands nearer.
         """
         if not history.edges:
             return False
         stored, least = self._stored(history), history.edges[0].missed
         are_alike = not self.is_sparse and self.are_alike(history)
         is_vain = least >= SETTINGS.same_distance and self.are_starts_vain(history)
+        is_vain = is_vain and self._is_new(history)
         if not (are_alike or is_vain) or self._may_pass(history):
             return False
         sampled = [away for _, _, away in self.arriving.nearest]
@@ -217,14 +218,19 @@ class Search:
 
     def are_starts_vain(self, history: History) -> bool:
         """Whether many sampled starts led nowhere."""
-        starts = min(SETTINGS.vain_starts, len(self.candidates.nearest))
+        is_hand = self.task.scene.robot is None
+        most = SETTINGS.vain_hand_starts if is_hand else SETTINGS.vain_starts
+        starts = min(most, len(self.candidates.different))
         return len(history.solves_from("samples")) >= starts
 
     def are_alike(self, history: History) -> bool:
         """Whether the nearest landings agree, one of them new."""
+        return self._is_new(history) and self._agree([*history.edges, *self._stored(history)])
+
+    def _is_new(self, history: History) -> bool:
+        """Whether a throw that starts from none of earlier plans ends about as near as any."""
         most = SETTINGS.equal_ratio * history.edges[0].missed if history.edges else 0.0
-        is_new = any(one.missed <= most for one in history.new_edges)
-        return is_new and self._agree([*history.edges, *self._stored(history)])
+        return any(one.missed <= most for one in history.new_edges)
 
     def _is_nearest(self, least: float, known: list[float]) -> bool:
         """Whether no known throw lands nearer to the target than `least` [m]."""

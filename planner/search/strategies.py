@@ -14,9 +14,9 @@ from ...problems import Cost
 from ..library import Neighbour
 from .attempt import Start
 from .candidates import (
+    MANY_STARTS,
     REGION_STARTS,
     STARTS,
-    STARTS_AMONG,
     Candidates,
     release_start,
 )
@@ -110,13 +110,14 @@ def from_beside_again(search: Search, history: History) -> Try | None:
 
 
 def from_edge(search: Search, history: History) -> Try | None:
-    """The nearest landing to a target that is out of reach, brought as near to it as limits let it
-    at any effort; throws of a library's boundary stay as they are."""
+    """The nearest landing to a target that is out of reach, or millimetres off, brought as near to
+    it as limits let it at any effort; throws of a library's boundary stay as they are."""
     is_done = any(isinstance(one, Approach) and one.is_last for one in history.tries)
     if is_done or history.found or not (history.edges and search.is_sparse) or search.blocked:
         return None
     edge = history.edges[0]
-    if edge.throw is None or not search.is_nearest_possible(history):
+    is_near = edge.missed < SETTINGS.same_distance
+    if edge.throw is None or not (is_near or search.is_nearest_possible(history)):
         return None
     guess = guess_of(edge.throw, search.task.scene)
     start = Start(edge.goal, guess, "fatrop", edge.refinement)
@@ -136,8 +137,8 @@ def from_samples_again(search: Search, history: History) -> Try | None:
 def _by_solvers(search: Search, history: History, solvers: Sequence[str]) -> Try | None:
     if search.blocked or search.is_settled(history):
         return None
-    tables = search.arriving, search.candidates
-    starts = STARTS_AMONG if search.task.scene.obstacle else STARTS
+    tables, scene = (search.arriving, search.candidates), search.task.scene
+    starts = MANY_STARTS if scene.obstacle or scene.robot is None else STARTS
     counts = [(solver, count) for solver, count in starts if solver in solvers]
     tries = (_from_samples(search, history, tables, *one) for one in counts)
     return next((step for step in tries if step is not None), None)
