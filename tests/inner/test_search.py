@@ -305,6 +305,22 @@ def test_approaches_that_agree_are_not_enough(x: float, theta: float) -> None:
     assert plan.solved, plan.message
 
 
+@pytest.mark.parametrize(("x", "theta"), [(1.3534, 19.1243), (-1.1685, 19.1444)])
+def test_a_hand_gives_up_after_more_than_six_vain_starts(x: float, theta: float) -> None:
+    """Three turns from rest few sampled throws lead there; the seventh or a later one does."""
+    planner = tp.Planner("hand-flip", library=False)
+    plan = planner.plan(planner.scene.target.in_plane(x, theta), patience=30.0)
+    assert plan.solved, plan.message
+
+
+def test_throws_of_earlier_plans_alone_are_no_evidence() -> None:
+    """A throw in front of the base column, brought near a target behind it, ends at the column."""
+    planner = tp.Planner("cup", library=False)
+    planner.plan(planner.scene.target.in_plane(0.144, 1.73), patience=30.0)
+    plan = planner.plan(planner.scene.target.in_plane(-0.25523, 1.48108), patience=30.0)
+    assert plan.solved, plan.message
+
+
 @pytest.mark.slow
 def test_an_elastic_solve_that_ends_farther_off_than_a_release_settles_nothing(
     cup,
