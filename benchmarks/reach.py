@@ -34,10 +34,10 @@ SEED = 1
 MAP_SEED = 3
 #: Number of targets of each scene: quick, full.
 TARGETS = {
-    "pose": (20, 1000),
-    "cup": (5, 1000),
-    "box": (0, 1000),
-    "flip": (0, 1000),
+    "pose": (20, 500),
+    "cup": (5, 500),
+    "box": (0, 500),
+    "flip": (0, 500),
     "hand-box": (20, 300),
     "hand-flip": (20, 300),
 }
@@ -48,7 +48,7 @@ THROWS = (60, 5000)
 #: Number of targets in random bins of a map: quick, full.
 ON_MAP = (10, 500)
 #: Number of plans that the oracle judges: quick, full.
-JUDGED = (4, 400)
+JUDGED = (4, 200)
 #: Number of warm plans, each to a target beside that of a solved plan: quick, full.
 WARM_PLANS = (4, 300)
 #: Pose error [m] (position plus angle times half the length) between the two targets.
@@ -58,7 +58,7 @@ FIRST = (2, 50)
 #: Number of sampled states of a map: quick, full.
 SAMPLED = (20_000, 200_000)
 #: Number of targets far from the map: quick, full.
-FAR_OUT = (5, 300)
+FAR_OUT = (5, 100)
 #: A target is far if x [m] or theta [rad] differs from that of every landing by more than this.
 FAR = (0.1, math.radians(20))
 #: Far targets are at most this beyond the ranges of x [m] and theta [rad] of the landings.
