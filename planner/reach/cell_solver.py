@@ -147,6 +147,8 @@ class CellSolver:
         for source in sources:
             near = Neighbour.of(source.optimum, task.target, task.scene)
             step = Approach(near.goal, near, near.distance, light=True)
+            # From a solved throw the first price gains no cell, and takes 6 % of a library's time.
+            step = replace(step, prices=step.prices[-1:])
             *_, last = approach_goal(self.corrector, step, task)
             found = self._known(last, task)
             if found is not None:

@@ -228,7 +228,7 @@ class Search:
         return self._is_new(history) and self._agree([*history.edges, *self._stored(history)])
 
     def _is_new(self, history: History) -> bool:
-        """Whether a throw that starts from none of earlier plans ends about as near as any."""
+        """Whether the nearest landing, or one about as near, is of a new throw."""
         most = SETTINGS.equal_ratio * history.edges[0].missed if history.edges else 0.0
         return any(one.missed <= most for one in history.new_edges)
 
