@@ -25,7 +25,7 @@ from throwplan import (
 )
 from throwplan.planner.show import BLUE, GREEN, Row, Table
 
-from .measure import planning_time
+from .measure import planning_time, without_machine_code
 from .page import Effort, Picture, ReportSection, number, panels
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ print(json.dumps([plan.status, sorted(set(sys.modules) - before)]))
 """
 
 
+@without_machine_code()
 def measured(scene: Scene, repeats: int) -> Row:
     """Size of a scene's NLP and least times of a plan, with the solves that lead to it.
 
@@ -112,7 +113,7 @@ def make(effort: Effort) -> ReportSection:
         [
             "`hand-box` is a free hand that holds the bar at its centre of mass and throws it to a "
             "position. The same throw carries one part more in each line; bounds are so wide that "
-            "they never decide.",
+            "they never decide. All are solved without machine code.",
             f"With a Panda for the free hand it takes {arm / hand:.2g} times as long to solve "
             f"({arm:.0f} and {hand:.0f} ms). The last line takes {solves[-1] / bare:.0f} times "
             f"as long as the bare throw ({bare:.1f} ms), with the solves that lead to it.",

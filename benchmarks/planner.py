@@ -21,7 +21,14 @@ from throwplan.models import Array
 from throwplan.planner.planner import SolverName
 from throwplan.planner.show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, Row, Table
 
-from .measure import pareto, planning_time, quantiles, reachable_targets, warmed
+from .measure import (
+    pareto,
+    planning_time,
+    quantiles,
+    reachable_targets,
+    warmed,
+    without_machine_code,
+)
 from .page import Effort, Picture, ReportSection, panels
 
 if TYPE_CHECKING:
@@ -117,6 +124,7 @@ def variants(quick: bool) -> list[Variant]:
     return [v for v in found if not v.mesh or any(usual[k] != value for k, value in v.mesh)]
 
 
+@without_machine_code()
 def make(effort: Effort) -> ReportSection:
     """All settings on all scenes."""
     tried = variants(effort.quick)
@@ -138,7 +146,7 @@ def make(effort: Effort) -> ReportSection:
         [
             *(_default(name, found) for name, found in scenes.items()),
             "The table has the settings that no other beats in solving time, error before "
-            "correction and effort at once, and the default "
+            "correction and effort at once, and the default, all without machine code "
             f"(`{_mesh(load_scene('cup'))}`, FATROP, then IPOPT where that fails). Effort: the "
             "NLP's cost, squared accelerations and jerks.",
         ],
