@@ -165,9 +165,11 @@ class PointSolver:
 
         slip, share: where to start.
         """
+        load = problem.limit + np.abs(problem.momentum(problem.free)).max(axis=0)
+        # Without a load there is no slip; from elsewhere rounding would not let it come to zero.
+        slip = np.where(load > 0.0, slip, 0.0)
         slips_found, shares = slip.copy(), share.copy()
         unsolved = np.arange(slip.shape[1])
-        load = problem.limit + np.abs(problem.momentum(problem.free)).max(axis=0)
         # Usual are two or three iterations, 18 the most in trials. The residual allowed rises
         # tenfold every `patience` of them.
         floor, patience = 1e-12 * load, 12

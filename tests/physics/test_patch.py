@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from release_cases import (
     BAR,
@@ -94,6 +94,7 @@ speeds = st.floats(-1, 1)
     limit=st.one_of(st.just(0.0), log_floats(1e-7, 1.0)),
     guess=st.tuples(speeds, speeds, speeds),
 )
+@example(1.0, (0.0, 3.0), 1.0, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.09375))
 def test_step_gives_coulomb_friction_in_equilibrium(
     mass: float,
     lever: tuple[float, float],
