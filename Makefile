@@ -8,7 +8,7 @@ FILES := pyproject.toml constraints.txt $(wildcard *.py core/*.[ch] problems/*/*
 	$(foreach d,core models problems planner,$d/*.py $d/*/*.py $d/*/*/*.py))
 
 # Two processes; the tests of a file stay together, for the plans that they share.
-PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses 2 --dist loadfile
+PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses 2 --dist loadfile
 
 .PHONY: core run test verify wheels report site extras pictures notebooks notebooks-executed clean
 

@@ -270,6 +270,7 @@ def deviations_off(found: Identified) -> float:
     return error / found.posterior.product_deviation
 
 
+@pytest.mark.slow
 def test_noisy_joints_tell_the_true_contact(swings) -> None:
     """Also by a low-pass that smooths the swing: the fit then says that it depends on it."""
     found, smooth = (identify(recorded(swings, 0, **one)) for one in ({}, {"cutoff": 30.0}))

@@ -75,7 +75,7 @@ SCENES: dict[str, Callable[[], tp.Scene]] = {
     "com grasp": lambda: tp.load_scene("hand-box"),
 }
 #: Those that `make test` throws; the others are slow.
-DAILY = ("hard braking",)
+DAILY = ("weak hand",)
 
 
 class CountingJudge(Judge):

@@ -171,6 +171,7 @@ def test_a_sweep_counts_the_throws_that_rest(tmp_path) -> None:
     assert tp.read_plan(tmp_path).scene.rest == plan.scene.rest
 
 
+@pytest.mark.slow
 def test_pictures_and_views_go_on_until_rest() -> None:
     from throwplan.planner.show import space_throw
 

@@ -97,12 +97,14 @@ def check_alone(scene: str, runs: int, folder: object) -> None:
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "done\n", "")
 
 
+@pytest.mark.slow
 def test_threads_and_tasks_plan_as_one_does(tmp_path) -> None:
     check_alone("pose", 1, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("scene", "runs"), [("pose", 15), ("fr3", 5)])
+@pytest.mark.slow
 def test_threads_and_tasks_plan_as_one_does_twenty_times(scene, runs, tmp_path) -> None:
     check_alone(scene, runs, tmp_path)
 
