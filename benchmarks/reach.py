@@ -1,8 +1,4 @@
-"""Section `reach`: random targets: how many are solved, how fast, and the status of the others.
-
-Targets far from all landings of a map should be out of reach; if a plan to one is solved, under the
-exact check, the target was in reach after all.
-"""
+"""Section `reach`: targets in reach: how many are solved, how fast, and what others are called."""
 
 from __future__ import annotations
 
@@ -11,26 +7,22 @@ import itertools
 import math
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from throwplan import Plan, Planner, Pose, ReachMap, SentThrow, load_scene, reach_map
-from throwplan.planner.show import BLACK, BLUE, GREEN, RED, Row, Table, shown
+from throwplan.planner.show import Row, Table, shown
 from throwplan.planner.throw import send
 from throwplan.planner.verdict import verdict
 
 from .judge import judge
 from .measure import planning_time, quantiles, reachable_targets, warmed
-from .page import Effort, Picture, ReportSection, panels
+from .page import Effort, ReportSection
 from .parts import imports_of
 from .processes import shared
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 #: Seed of the targets in reach.
 SEED = 1
-#: Seed of the targets on the map and far from it.
+#: Seed of the targets on the map.
 MAP_SEED = 3
 #: Number of targets of each scene: quick, full.
 TARGETS = {
@@ -57,19 +49,13 @@ WARM_DISTANCE = 0.008
 FIRST = (2, 50)
 #: Number of sampled states of a map: quick, full.
 SAMPLED = (20_000, 200_000)
-#: Number of targets far from the map: quick, full.
-FAR_OUT = (5, 100)
-#: A target is far if x [m] or theta [rad] differs from that of every landing by more than this.
-FAR = (0.1, math.radians(20))
-#: Far targets are at most this beyond the ranges of x [m] and theta [rad] of the landings.
-ROUND = np.array([1.0, 2.0])
 
 
 def make(effort: Effort) -> ReportSection:
     """Plans to targets in reach, to far ones, and to targets all over the map."""
     counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items() if effort.of(*sizes)}
     spread = LIBRARIES[0] if effort.quick else LIBRARIES[1]
-    step = effort.counter(len(counts) + len(spread) + 2)
+    step = effort.counter(len(counts) + len(spread) + 1)
     made = shared(_targets, counts, counts.values(), quick=effort.quick)
     targets = dict(zip(counts, made, strict=True))
     step()
@@ -79,36 +65,28 @@ def make(effort: Effort) -> ReportSection:
         row: Row = {"scene": name}
         rows.append(row | _row(plans[name]))
         step()
-    far = _planned(warmed(load_scene("pose"), []), outside("pose", effort))
-    step()
     mapped = list[Row]()
     for name in spread:
         row, plans[f"{name}, over the map"] = _over_map(name, effort)
         mapped.append(row)
         step()
-    lost = [
-        {"targets": words} | _said(plan) | {"why": plan.message}
+    lost: list[Row] = [
+        {"targets": words, **_said(plan)}
         for words, some in plans.items()
         for plan in some
         if not plan.solved
     ]
-    every = [{"drawn": "in reach"} | _said(plan) | _nearest(plan) for plan in plans["pose"]]
-    every += [{"drawn": "far out"} | _said(plan) | _nearest(plan) for plan in far]
-    table = Table("reach-targets", "Targets of `pose`, and what was said", every)
-    words = "Scene pose: targets in reach and far out, and the nearest pose named for these"
     return ReportSection(
         "reach",
         "Any target in reach",
-        _figures(rows, far, mapped),
+        _figures(rows, mapped),
         [
             Table("reach-inside", "Random targets in reach, without a library", rows),
             Table("reach-lost", "Targets without a throw, and why", lost),
-            table,
             Table(
                 "reach-map", "Targets spread over a map's bins, with a library and without", mapped
             ),
         ],
-        [Picture("reach", words, _draw_targets(table))],
     )
 
 
@@ -135,30 +113,20 @@ def _row(plans: list[Plan]) -> Row:
 
 
 def _said(plan: Plan) -> Row:
-    """A plan's target and status."""
-    place = {"scene": plan.scene.name} | _place("", plan.target)
-    return place | {"status": plan.status}
+    """A plan's target, its status and why."""
+    x, theta = plan.target.plane_x, plan.target.theta
+    turned = None if theta is None else math.degrees(theta)
+    place: Row = {"scene": plan.scene.name, "x [m]": x, "theta [deg]": turned}
+    return place | {"status": plan.status, "why": plan.message}
 
 
-def _nearest(plan: Plan) -> Row:
-    """The nearest landing that a plan names."""
-    return _place("nearest ", plan.nearest)
-
-
-def _place(which: str, pose: Pose | None) -> Row:
-    theta = None if pose is None or pose.theta is None else math.degrees(pose.theta)
-    x = None if pose is None else pose.plane_x
-    return {f"{which}x [m]": x, f"{which}theta [deg]": theta}
-
-
-def _figures(rows: list[Row], far: list[Plan], mapped: list[Row]) -> list[str]:
+def _figures(rows: list[Row], mapped: list[Row]) -> list[str]:
     """Counts and times as sentences."""
     words = [
         f"`{row['scene']}` {row['solved']} of {row['targets']}, "
         f"{shown(row['plan, median [ms]'])} ms a plan"
         for row in rows
     ]
-    said = collections.Counter(plan.status for plan in far)
     middles = "; ".join(
         f"`{r['scene']}` {r['solved']} of {r['targets']}, {r['moved throws']} of them moved, "
         f"{shown(r['plan, median [ms]'])} ms a plan, {shown(r['plan, 99 % [ms]'])} at 99 % "
@@ -169,27 +137,8 @@ def _figures(rows: list[Row], far: list[Plan], mapped: list[Row]) -> list[str]:
     )
     return [
         f"Random targets in reach that are thrown to: {'; '.join(words)}.",
-        f"Targets far from all that the samples of a map hit, `pose`: {said['out_of_reach']} of "
-        f"{len(far)} are called out of reach, {said['solved']} are solved under the exact check, "
-        f"{said['not_converged']} have no answer.",
         f"Targets spread evenly over a map's bins, with a library of solved throws: {middles}.",
     ]
-
-
-def outside(name: str, effort: Effort) -> list[Pose]:
-    """Targets far from every landing of a scene's map."""
-    found = reach_map(load_scene(name), samples=effort.of(*SAMPLED))
-    target = found.scene.target
-    assert target is not None
-    known = np.column_stack([found.x, found.theta])
-    rng = np.random.default_rng(SEED)
-    low, high = known.min(axis=0) - ROUND, known.max(axis=0) + ROUND
-    targets: list[Pose] = []
-    while len(targets) < effort.of(*FAR_OUT):
-        x, theta = rng.uniform(low, high)
-        if not (np.abs(known - [x, theta]) < FAR).all(axis=1).any():
-            targets.append(target.in_plane(x, theta))
-    return targets
 
 
 def _over_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
@@ -270,29 +219,3 @@ def over_map(found: ReachMap, count: int) -> list[Pose]:
 def _targets(name: str, count: int) -> list[Pose]:
     """Random targets in reach of a scene."""
     return list(itertools.islice(reachable_targets(load_scene(name), SEED), count))
-
-
-def _draw_targets(rows: Table) -> Figure:
-    """Targets in x and theta by status, and the nearest landings that plans name."""
-    figure, ((axis,),) = panels(9.0, 5.0)
-    some = rows.rows
-    named = [row for row in some if row["nearest x [m]"] is not None]
-    for row in named:
-        x, theta = (
-            [row[f"{k}{name}"] for k in ("", "nearest ")] for name in ("x [m]", "theta [deg]")
-        )
-        axis.plot(x, theta, color="#dddddd", lw=0.7, zorder=1)
-    groups = (
-        ("thrown to", [r for r in some if r["status"] == "solved"], "", BLUE, "."),
-        ("out of reach", [r for r in some if r["status"] == "out_of_reach"], "", RED, "x"),
-        ("nearest pose named", named, "nearest ", GREEN, "+"),
-        ("no answer", [r for r in some if r["status"] == "not_converged"], "", BLACK, "s"),
-    )
-    for words, group, which, colour, marker in groups:
-        if group:
-            x = [row[f"{which}x [m]"] for row in group]
-            theta = [row[f"{which}theta [deg]"] for row in group]
-            axis.plot(x, theta, marker, color=colour, ms=5, label=f"{words} ({len(group)})")
-    axis.set(xlabel="x [m]", ylabel="θ [deg]")
-    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False)
-    return figure

@@ -14,6 +14,7 @@ from throwplan.problems.files import filling
 
 from . import (
     calibration,
+    edge,
     models,
     parts,
     planner,
@@ -38,6 +39,7 @@ SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "stability": stability.make,
     "parts": parts.make,
     "reach": reach.make,
+    "edge": edge.make,
     "regions": regions.make,
     "rest": rest.make,
     "swings": swings.make,

@@ -67,7 +67,7 @@ def write_summary(folder: Path, parts: Mapping[str, str]) -> None:
     for make, key in ((_throw, "example"), (_often, "reach"), (_robust, "robust")):
         blocks += _block(list(make(folder)), parts.get(key, ""))
     blocks += _block(list(_agree(folder)), parts.get("example", "") or parts.get("models", ""))
-    blocks += _block(list(_map(folder)), parts.get("reach", ""))
+    blocks += _block(list(_map(folder)), parts.get("edge", ""))
     blocks += _block(list(_steps(folder)), parts.get("models", ""))
     (folder / PAGE).write_text("\n\n".join([*blocks, LIMITS]), encoding="utf-8")
 
@@ -188,14 +188,14 @@ def _apart(laws: Rows, law: str) -> float:
 
 
 def _map(folder: Path) -> Iterator[str]:
-    if (folder / "reach.png").exists():
+    if (folder / "edge.png").exists():
         yield "## What is in reach"
         yield (
             "Where the arm of the scene `pose` can throw to, and at which angles: targets that "
             "were solved, and targets out of reach, each with the nearest landing that is "
             "possible. `throwplan map SCENE` draws what is in reach of any scene."
         )
-        yield '<img src="reach.png" width="640" alt="Targets in reach and out of reach">'
+        yield '<img src="edge.png" width="640" alt="Targets in reach and out of reach">'
 
 
 def _steps(folder: Path) -> Iterator[str]:

@@ -118,8 +118,8 @@ def test_a_quick_section_is_made(tmp_path) -> None:
 
 
 @pytest.mark.slow
-def test_the_first_pages_take_what_the_section_on_reach_measures(tmp_path) -> None:
-    make_report(tmp_path, ["reach"], True)
+def test_the_first_page_takes_what_the_sections_on_reach_measure(tmp_path) -> None:
+    make_report(tmp_path, ["reach", "edge"], True)
     page = (tmp_path / "index.md").read_text()
     assert len(re.findall(r"^\| \S+ +\| \d+ random ", page, flags=re.M)) == 4
     assert len(re.findall(r"^\| hand-box +\| 10 over the map ", page, flags=re.M)) == 2
