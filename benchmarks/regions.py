@@ -40,7 +40,7 @@ def _figures(table: Table) -> list[str]:
     return [
         f"{len(table.rows)} random bars and bins, each in one place. Into {len(reached)} of them a "
         f"throw to one of {math.prod(GRID)} poses is found. The plan to the region of these poses "
-        f"is solved in {solved} of these {len(reached)}; {more}{least}.",
+        f"is solved in {solved} of these {len(reached)}; {more}{least}."
     ]
 
 

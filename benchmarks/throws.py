@@ -231,9 +231,7 @@ def _believed(scene: Scene) -> Scene:
     contact = scene.contact
     shrink = math.sqrt(BELIEVED * PRODUCT / (contact.friction * contact.patch_radius))
     contact = dataclasses.replace(
-        contact,
-        friction=shrink * contact.friction,
-        patch_radius=shrink * contact.patch_radius,
+        contact, friction=shrink * contact.friction, patch_radius=shrink * contact.patch_radius
     )
     return scene.replace(contact=contact)
 

@@ -17,15 +17,7 @@ from pathlib import Path
 import casadi as ca
 
 from .backend import Value
-from .body import (
-    Body,
-    Contact,
-    FlightLaw,
-    FlightState,
-    HandSamples,
-    held_wrench,
-    sticking_state,
-)
+from .body import Body, Contact, FlightLaw, FlightState, HandSamples, held_wrench, sticking_state
 from .release.cases import LOST_SLIP
 from .release.integrators import rk4_step
 from .release.limit_surface import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping

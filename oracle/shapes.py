@@ -33,8 +33,7 @@ def to_segment(p: Array, a: Array, b: Array) -> Array:
 def between_segments(a: Array, b: Array, c: Array, d: Array) -> Array:
     """Distance (...) of segments a to b from c to d: at an end, or where both are inside."""
     found = np.min(
-        [to_segment(a, c, d), to_segment(b, c, d), to_segment(c, a, b), to_segment(d, a, b)],
-        axis=0,
+        [to_segment(a, c, d), to_segment(b, c, d), to_segment(c, a, b), to_segment(d, a, b)], axis=0
     )
     u, v, w = b - a, d - c, a - c
     uu, uv, vv = (u * u).sum(axis=-1), (u * v).sum(axis=-1), (v * v).sum(axis=-1)

@@ -22,14 +22,7 @@ from .reach import default_workers, grow
 from .resting import check_rest, most_resting
 from .result import Plan
 from .samples import Releases, ReleaseSampler, stored_releases
-from .search import (
-    Clock,
-    NlpCache,
-    SearchContext,
-    Task,
-    check_start,
-    remaining_throw,
-)
+from .search import Clock, NlpCache, SearchContext, Task, check_start, remaining_throw
 from .sweep import Hardening, hardened, robust_scene
 from .throw import State, Throw, make_manipulator
 from .workers import Progress, executor_of
@@ -58,9 +51,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-def _alone(
-    method: Callable[Concatenate[Planner, P], T],
-) -> Callable[Concatenate[Planner, P], T]:
+def _alone(method: Callable[Concatenate[Planner, P], T]) -> Callable[Concatenate[Planner, P], T]:
     """A method during which other threads wait with theirs: the calls of a planner share the memory
     of its solvers and of the core."""
 

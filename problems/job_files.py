@@ -119,10 +119,7 @@ class Jobs(JobKeys):
         if self.home is not None:
             with mistakes.kept():
                 check_angles("home_deg", self.home, range(1, self.arm.joints + 1), self.arm)
-        for kind, rows, most in (
-            ("bin", self.bins, MOST_BINS),
-            ("pick", self.picks, MOST_PICKS),
-        ):
+        for kind, rows, most in (("bin", self.bins, MOST_BINS), ("pick", self.picks, MOST_PICKS)):
             if not 1 <= len(rows) <= most:
                 mistakes.lines.append(f"[[{kind}]]: has {len(rows)}, must be 1 to {most}")
             names = [row.name for row in rows]

@@ -33,14 +33,7 @@ from .files import (
     toml_lines,
     toml_tables,
 )
-from .grip import (
-    COEFFICIENT_WORDS,
-    SHAPE_WORDS,
-    Grasp,
-    ThrownObject,
-    held_object,
-    surface_shape,
-)
+from .grip import COEFFICIENT_WORDS, SHAPE_WORDS, Grasp, ThrownObject, held_object, surface_shape
 from .section import Section, from_table, meanings, optional, quantity, table_of, unknown
 
 #: Required columns of throws.csv.

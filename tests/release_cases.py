@@ -35,9 +35,7 @@ def reference_case(name: str) -> ReleaseCase:
         Contact(contact["mu"], contact["r"], contact["c"], contact["faces"]),
         LinearGrip(values["fN0"], 0.0, values["T"]),
         Trajectory.accelerating(
-            (0.0, 0.0, hand["theta0"]),
-            (*hand["v0"], hand["omega0"]),
-            (*hand["a"], hand["alpha"]),
+            (0.0, 0.0, hand["theta0"]), (*hand["v0"], hand["omega0"]), (*hand["a"], hand["alpha"])
         ),
     )
 

@@ -17,9 +17,4 @@ from .integrators import (
 from .limit_surface import SteppedRelease
 from .published_surface import ImplicitRelease, KarnoppRelease
 from .registry import BATCH_MODELS, DECIDING, MODELS, SLIDING_PIVOT, STEPPED_SURFACE, ReleaseModel
-from .sliding_pivot import (
-    SlidingPivot,
-    SlidingPivotRelease,
-    Widths,
-    soft_positive,
-)
+from .sliding_pivot import SlidingPivot, SlidingPivotRelease, Widths, soft_positive

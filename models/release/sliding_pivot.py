@@ -18,13 +18,7 @@ from typing import Literal
 import numpy as np
 
 from ..backend import Value, backend, components
-from ..body import (
-    Array,
-    Body,
-    Contact,
-    HandMotion,
-    pivot_wrench,
-)
+from ..body import Array, Body, Contact, HandMotion, pivot_wrench
 from .cases import LOST_SLIP, BatchRelease, Release, ReleaseBatch, ReleaseCase
 from .integrators import by_levels, compiled_batch, pivot_steps
 

@@ -15,16 +15,7 @@ from .. import robot
 from ..cycle import is_cycle
 from ..throw import TICK
 from ..verdict import outside_tolerance
-from .common import (
-    DONE,
-    Add,
-    Progress,
-    add_out,
-    integer,
-    print_result,
-    report_step,
-    written,
-)
+from .common import DONE, Add, Progress, add_out, integer, print_result, report_step, written
 from .saved_plans import add_plan, add_plan_or_cycle
 
 #: Questions before a throw and its rehearsal, and before those of a cycle.

@@ -14,13 +14,7 @@ from ...models import Array
 from ...problems.job_files import Jobs
 from ..clearance import SpatialScene
 from ..throw import Samples, State
-from .connections import (
-    Connection,
-    CycleThrow,
-    at_rest,
-    leave_connection,
-    rest_connection,
-)
+from .connections import Connection, CycleThrow, at_rest, leave_connection, rest_connection
 from .cycle import UnsolvedError
 from .entrance import enter_connection
 from .order import Passing, Times, best_order, best_round

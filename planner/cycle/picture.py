@@ -16,13 +16,7 @@ if TYPE_CHECKING:
     from .cycle import Cycle
 
 #: Colours of what happens to an object.
-COLOURS = {
-    "grasp": TEAL,
-    "swing": BLUE,
-    "release": ORANGE,
-    "flight": GREEN,
-    "on to the next": GREY,
-}
+COLOURS = {"grasp": TEAL, "swing": BLUE, "release": ORANGE, "flight": GREEN, "on to the next": GREY}
 
 
 def draw_cycle(cycle: Cycle, path: Path) -> None:

@@ -23,15 +23,7 @@ from ...problems import InputError, check_arguments
 from ...problems.files import plain
 from ...problems.job_files import Bin, Jobs, Pick
 from ..clearance import SpatialScene
-from ..throw import (
-    NO_SAMPLES,
-    TICK,
-    Samples,
-    State,
-    joint_limits,
-    make_manipulator,
-    transfer,
-)
+from ..throw import NO_SAMPLES, TICK, Samples, State, joint_limits, make_manipulator, transfer
 from .connections import Connection, CycleThrow, Option, at_rest, joined, still
 from .cycle import UnsolvedError
 from .inverse_kinematics import ALIKE, DOWN, HandPose, hand_poses, inverse_kinematics, joint_rates

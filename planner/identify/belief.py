@@ -213,10 +213,7 @@ def contact_text(belief: Belief, shared: PadContact | Shared) -> str:
     contact |= {"torsion": shared.torsion, "faces": shared.faces}
     if shared.shape is not None:
         contact |= {"shape": shared.shape, "coefficients": list(shared.coefficients)}
-    tables = {
-        "contact": contact,
-        "uncertainty": uncertainty_of(belief).table(),
-    }
+    tables = {"contact": contact, "uncertainty": uncertainty_of(belief).table()}
     lines = [
         "# In place of the [contact] and [uncertainty] of a scene. The uncertainty is that of the",
         "# mean by this model: not the scatter from throw to throw, nor the model's own error.",

@@ -161,13 +161,7 @@ class Library:
         return self._nearest(self._boundary, landings, target, turns, count, within)
 
     def _nearest(
-        self,
-        rows: Indices,
-        landings: Array,
-        target: Pose,
-        turns: Turns,
-        count: int,
-        within: float,
+        self, rows: Indices, landings: Array, target: Pose, turns: Turns, count: int, within: float
     ) -> Iterator[Neighbour]:
         """Of the records of numbers `rows` (N,) with their landings (3, N), the nearest."""
         if (target.theta is not None) != self.angle:
@@ -182,12 +176,7 @@ class Library:
 
 
 def nearest_landings(
-    scene: Scene,
-    target: Pose,
-    turns: Turns,
-    landings: Array,
-    count: int,
-    cost: Array | None = None,
+    scene: Scene, target: Pose, turns: Turns, landings: Array, count: int, cost: Array | None = None
 ) -> list[tuple[int, Pose, float]]:
     """(row, goal, pose error [m] (39)) of the `count` landings nearest to a target, nearest first.
 

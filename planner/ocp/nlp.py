@@ -15,8 +15,8 @@ import numpy as np
 from ...models import Array, Trajectory
 from ...problems import Scene
 from .assembly import Nlp, assemble
-from .problem import ThrowProblem, Weights, variable_bounds
-from .request import Request, opening_nodes
+from .problem import ThrowProblem, variable_bounds
+from .request import Request, Weights, opening_nodes
 from .scene_constraint import BRAKE_SHARE, SceneConstraint
 from .solver import Solution
 from .stage_functions import Shared

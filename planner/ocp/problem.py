@@ -21,34 +21,17 @@ Subject to  bounds of states and controls                          variable_boun
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 
-from ...problems import Scene
-from .request import Request
+from .request import Request, Weights
 from .scene_constraint import Brake, Flight, Instant, SceneConstraint, gripped_instants
 from .stages import DDQ, DQ, JERK_UNIT, PLACE, REL, SLACKS, T_F, Block, Q, Stage, T
 from .transcription import Hand, Interval, Node, Ocp
 
-#: Shortest carry [s] of a plan.
-CARRY_MIN = 0.02
-#: Longest flight [s] of a plan.
-FLIGHT_MAX = 3.0
-
-
-class Weights(NamedTuple):
-    """Prices of the squared relative acceleration and jerk, and of the carry's time [1/s]."""
-
-    acceleration: Any
-    jerk: Any
-    carry_time: Any
-
-    @classmethod
-    def of(cls, scene: Scene) -> Weights:
-        """Those of the scene's [cost]."""
-        cost = scene.weights
-        return cls(cost.acceleration, cost.jerk, cost.time)
+#: Shortest carry and longest flight [s] of a plan.
+CARRY_MIN, FLIGHT_MAX = 0.02, 3.0
 
 
 def variable_bounds(request: Request) -> dict[str, tuple[Any, Any]]:

@@ -18,8 +18,8 @@ import numpy as np
 
 from ...core import MoveC, library
 from ...models import Array, Flags, Indices, ReadOnly, Trajectory
-from .problem import Weights, mean_effort, variable_bounds
-from .request import BASE, Refinement, Request
+from .problem import mean_effort, variable_bounds
+from .request import BASE, Refinement, Request, Weights
 from .solver import Solution, Solver
 from .stages import JERK_UNIT, Layout
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -182,6 +183,20 @@ class Refinement:
 
 #: No lazy constraint, usual margins.
 BASE = Refinement()
+
+
+class Weights(NamedTuple):
+    """Prices of the squared relative acceleration and jerk, and of the carry's time [1/s]."""
+
+    acceleration: Any
+    jerk: Any
+    carry_time: Any
+
+    @classmethod
+    def of(cls, scene: Scene) -> Weights:
+        """Those of the scene's [cost]."""
+        cost = scene.weights
+        return cls(cost.acceleration, cost.jerk, cost.time)
 
 
 @dataclass(frozen=True)

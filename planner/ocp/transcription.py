@@ -150,10 +150,7 @@ class OutlinePoint:
 
     def placed(self, x: Any, z: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
         """Its x, z [m] for a CoM at x, z and the axis' angle."""
-        return (
-            x + self.along * cos - self.across * sin,
-            z + self.along * sin + self.across * cos,
-        )
+        return (x + self.along * cos - self.across * sin, z + self.along * sin + self.across * cos)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,13 +12,7 @@ import numpy as np
 
 from ...problems import Pose, Scene
 from ..library import Neighbour
-from ..ocp import (
-    BASE,
-    Optimum,
-    ReducedVariables,
-    Refinement,
-    Request,
-)
+from ..ocp import BASE, Optimum, ReducedVariables, Refinement, Request
 from ..samples import Releases, starts
 from ..search import (
     Approach,

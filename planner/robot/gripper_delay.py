@@ -113,7 +113,7 @@ class GripperDelay:
                 "seen with an empty hand. Record it by a force sensor between the pads, or fit it "
                 "to throws by throwplan identify --delay.",
                 f"The rest is the hand of the arm file {ARM}.toml.",
-            ],
+            ]
         )
 
     @property

@@ -137,12 +137,7 @@ def fly_alone(
 
 
 def fly(
-    throw: Throw,
-    detach: Array,
-    start: float,
-    end: float,
-    step: float,
-    restitution: float,
+    throw: Throw, detach: Array, start: float, end: float, step: float, restitution: float
 ) -> SimulatedFlight:
     """The flight from `start` to `end` [s], with a cup until the bar rests, at most 4 s longer.
 

@@ -14,13 +14,7 @@ from numpy.polynomial.polynomial import polyder, polyval
 
 from ...models import Array, Flags, FlightState, Trajectory
 from ...problems import Scene
-from ..clearance import (
-    column_distance,
-    contacts,
-    held_bar,
-    overlap,
-    palm_distance,
-)
+from ..clearance import column_distance, contacts, held_bar, overlap, palm_distance
 from ..ocp import BRAKE_SHARE, PALM_TIMES
 from ..throw import Manipulator, Throw, column_of
 

@@ -215,11 +215,7 @@ def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
     """One NLP, its corrections and the check of its throw."""
     manipulator = problems.manipulator
     request = Request(
-        task.scene,
-        manipulator,
-        robust=start.robust,
-        elastic=start.elastic,
-        turning=start.turning,
+        task.scene, manipulator, robust=start.robust, elastic=start.elastic, turning=start.turning
     )
     program = problems.problem(
         start.goal, start.refinement, start.solver, task.clock, start.robust, start.elastic > 0.0

@@ -10,14 +10,7 @@ import numpy as np
 from ...models import Array, HandSamples
 from ...problems import InputError, Pose, Scene
 from ..clearance import column_distance, grasp_distance, held_bar, lowest_of_bar
-from ..throw import (
-    Manipulator,
-    column_of,
-    friction_use,
-    outline,
-    rest_torques,
-    torque_limits,
-)
+from ..throw import Manipulator, column_of, friction_use, outline, rest_torques, torque_limits
 
 #: Random start poses that are checked where the start is free.
 STARTS = 4000

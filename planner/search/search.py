@@ -14,11 +14,7 @@ from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement
 from ..result import PlannedThrow
 from .attempt import Attempt, Start
-from .candidates import (
-    REGION_STARTS,
-    Candidates,
-    release_start,
-)
+from .candidates import REGION_STARTS, Candidates, release_start
 from .context import SETTINGS, SearchContext, agree
 from .feasibility import in_column
 from .history import Approach, History, Recall, Solve, Try

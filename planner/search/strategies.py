@@ -13,13 +13,7 @@ from itertools import islice
 from ...problems import Cost
 from ..library import Neighbour
 from .attempt import Start
-from .candidates import (
-    MANY_STARTS,
-    REGION_STARTS,
-    STARTS,
-    Candidates,
-    release_start,
-)
+from .candidates import MANY_STARTS, REGION_STARTS, STARTS, Candidates, release_start
 from .context import SETTINGS
 from .guess import guess_of
 from .history import LAST_PRICE, Approach, History, Move, Recall, Solve, Try

@@ -11,14 +11,7 @@ import pytest
 import throwplan as tp
 from throwplan.models import Trajectory
 from throwplan.models.robot import PlanarHand, hand_motion
-from throwplan.planner.throw import (
-    TICK,
-    Manipulator,
-    Samples,
-    Throw,
-    excesses,
-    make_manipulator,
-)
+from throwplan.planner.throw import TICK, Manipulator, Samples, Throw, excesses, make_manipulator
 from throwplan.planner.verdict import Code, verdict
 
 

@@ -15,12 +15,7 @@ import throwplan as tp
 from builders import nlp_of, varied
 from throwplan.models import Trajectory
 from throwplan.models.robot import about_z
-from throwplan.planner.clearance import (
-    CollisionScene,
-    contacts,
-    held_bar,
-    overlap,
-)
+from throwplan.planner.clearance import CollisionScene, contacts, held_bar, overlap
 from throwplan.planner.show import serving, space_throw
 from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.verdict import collision

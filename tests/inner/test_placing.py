@@ -14,14 +14,7 @@ from job_lists import ONE
 from throwplan.planner.clearance import SpatialScene
 from throwplan.planner.cycle import Placing, UnsolvedError, place_jobs, slowed_transfer
 from throwplan.planner.cycle.planning import with_joints
-from throwplan.planner.throw import (
-    TICK,
-    Samples,
-    State,
-    joint_limits,
-    make_manipulator,
-    transfer,
-)
+from throwplan.planner.throw import TICK, Samples, State, joint_limits, make_manipulator, transfer
 from throwplan.planner.verdict import grip_use, motion_verdict
 from throwplan.problems.job_files import Jobs, load_jobs
 

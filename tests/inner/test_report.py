@@ -28,9 +28,7 @@ from benchmarks import (
     processes,
     pushes,
 )
-from benchmarks import (
-    reference_releases as laws,
-)
+from benchmarks import reference_releases as laws
 from benchmarks.__main__ import main
 from benchmarks.judge import judge
 from benchmarks.page import Effort, parts_of, write_page

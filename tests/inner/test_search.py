@@ -324,9 +324,7 @@ def test_throws_of_earlier_plans_alone_are_no_evidence() -> None:
 
 
 @pytest.mark.slow
-def test_an_elastic_solve_that_ends_farther_off_than_a_release_settles_nothing(
-    cup,
-) -> None:
+def test_an_elastic_solve_that_ends_farther_off_than_a_release_settles_nothing(cup) -> None:
     plan = cup.plan(aimed(cup, -0.735, 258.4), patience=90.0)
     assert plan.solved, plan.message
 

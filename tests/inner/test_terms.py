@@ -10,14 +10,8 @@ import pytest
 import throwplan as tp
 from builders import nlp_of, varied
 from throwplan.models import FlightLaw, FlightState
-from throwplan.planner.clearance import (
-    bar_outline,
-)
-from throwplan.planner.throw import (
-    Throw,
-    cup_entries,
-    make_manipulator,
-)
+from throwplan.planner.clearance import bar_outline
+from throwplan.planner.throw import Throw, cup_entries, make_manipulator
 from throwplan.planner.verdict import Code, verdict
 from throwplan.problems import Landing, Torque
 

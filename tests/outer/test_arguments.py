@@ -64,10 +64,7 @@ def test_most_of_the_public_face_takes_arguments() -> None:
 MISTAKES: list[tuple[Call, str]] = [
     # A pose.
     (lambda pl, p: pl.plan([1.2, 0.0, 1.0]), r"target = \[1.2, 0.0, 1.0\]: must be a"),
-    (
-        lambda pl, p: pl.plan((1.2, 0.0, 1.0)),
-        "must be a Pose or a Region, or an array",
-    ),
+    (lambda pl, p: pl.plan((1.2, 0.0, 1.0)), "must be a Pose or a Region, or an array"),
     (lambda pl, p: pl.plan(np.array([1.2, 0.0])), "target = array.* must be a Pose"),
     (lambda pl, p: pl.plan(np.eye(4)), "target = array.* must be a Pose or a Region"),
     (lambda pl, p: pl.plan(np.array([[1.2, 0.0, 1.0]])), "target = array.*: must be"),
@@ -95,18 +92,12 @@ MISTAKES: list[tuple[Call, str]] = [
     (lambda pl, p: tp.reach_map(None), "scene = None: must be Scene"),
     (lambda pl, p: tp.calibrate(None, "pose"), "data = None: must be ThrowData or a text"),
     # A model.
-    (
-        lambda pl, p: tp.simulate("drop", ["sp", "ls"]),
-        r"model = \['sp', 'ls'\]: must be a t",
-    ),
+    (lambda pl, p: tp.simulate("drop", ["sp", "ls"]), r"model = \['sp', 'ls'\]: must be a t"),
     (lambda pl, p: tp.simulate("drop", None), "model = None: must be a text"),
     (lambda pl, p: tp.simulate_batch(pl.scene, ("sp",)), "model = .*: must be a text"),
     (lambda pl, p: tp.sweep(p, model=["sp"]), "model = .*: must be a text"),
     (lambda pl, p: tp.sweep(p, model="spp"), "must be one of sp, .*did you mean 'sp'"),
-    (
-        lambda pl, p: p.throw.deciding.with_model("spp"),
-        "model = 'spp': must be one of sp",
-    ),
+    (lambda pl, p: p.throw.deciding.with_model("spp"), "model = 'spp': must be one of sp"),
     # An executor, and functions.
     (lambda pl, p: tp.sweep(p, executor=4), "executor = 4: must be Executor"),
     (lambda pl, p: tp.simulate_batch(pl.scene, executor=2), "executor = 2: must be E"),
@@ -125,10 +116,7 @@ MISTAKES: list[tuple[Call, str]] = [
     (lambda pl, p: tp.view(None), "plan = None: must be Plan or Throw or a text or Path"),
     (lambda pl, p: tp.replay(42), "throw = 42: must be Plan or Throw or a text or Path"),
     (lambda pl, p: tp.export(p, franka=1), "franka = 1: must be a text or Path"),
-    (
-        lambda pl, p: tp.export(p, ros="out", names="panda"),
-        "names = 'panda': must be a li",
-    ),
+    (lambda pl, p: tp.export(p, ros="out", names="panda"), "names = 'panda': must be a li"),
     # A p.
     (lambda pl, p: pl.plan(warm="out"), "warm = 'out': must be Plan"),
     (lambda pl, p: pl.polish(None), "plan = None: must be Plan"),
@@ -150,10 +138,7 @@ MISTAKES: list[tuple[Call, str]] = [
     (lambda pl, p: pl.plan(robust="loud"), "robust = 'loud': must be one of auto, q"),
     (lambda pl, p: pl.plan(robust=True), "robust = True: must be a text"),
     (lambda pl, p: pl.plan(robust="quiet", alternatives=2), "not with a robust plan"),
-    (
-        lambda pl, p: pl.plan(solver="snopt"),
-        "solver = 'snopt': must be one of auto, f",
-    ),
+    (lambda pl, p: pl.plan(solver="snopt"), "solver = 'snopt': must be one of auto, f"),
     (lambda pl, p: pl.plan(turns="some"), "turns = 'some': must be one of exact, any"),
     (lambda pl, p: pl.follow(p, "20 ms"), "horizon = '20 ms': must be a number"),
     (lambda pl, p: pl.prepare(0), "throws = 0: must be at least 1"),
@@ -172,22 +157,13 @@ MISTAKES: list[tuple[Call, str]] = [
     (lambda pl, p: tp.replay(p, step=0), "step = 0: must be at least 1e-07"),
     (lambda pl, p: tp.reach_map("pose", z=math.nan), "z = nan: must be a finite number"),
     (lambda pl, p: tp.reach_map("pose", samples=2.5), "samples = 2.5: must be a whole"),
-    (
-        lambda pl, p: tp.simulate_batch(pl.scene, hand=[0.0] * 3),
-        "hand = .*: must be a t",
-    ),
+    (lambda pl, p: tp.simulate_batch(pl.scene, hand=[0.0] * 3), "hand = .*: must be a t"),
     (lambda pl, p: tp.simulate_batch(pl.scene, steps=0), "steps = 0: must be a whole"),
-    (
-        lambda pl, p: p.throw.deciding.delayed("10 ms"),
-        "delay = '10 ms': must be a number",
-    ),
+    (lambda pl, p: p.throw.deciding.delayed("10 ms"), "delay = '10 ms': must be a number"),
     (lambda pl, p: p.throw.deciding.hand("now"), "times = 'now': must be numbers"),
     (lambda pl, p: tp.throw_data([p], [(math.nan, 0.0)]), "landing 1 = nan: must be a"),
     (lambda pl, p: tp.throw_data([p], [(1.0, 0.0)] * 2), "landings: must be 1, one per"),
-    (
-        lambda pl, p: tp.throw_data([p], [1.0]),
-        r"landings = \[1.0\]: must be a list, each",
-    ),
+    (lambda pl, p: tp.throw_data([p], [1.0]), r"landings = \[1.0\]: must be a list, each"),
     (lambda pl, p: tp.throw_data([p], position_noise=-1.0), "position_noise = -1"),
     (lambda pl, p: tp.thrown(tp.throw_data([p]), "sp", {}), "contact: must have fric"),
     (
@@ -200,10 +176,7 @@ MISTAKES: list[tuple[Call, str]] = [
     (lambda pl, p: tp.throw_data([p]).picked(np.array([True])), r"numbers = array\(\[ True\]\)"),
     (lambda pl, p: tp.identify(tp.throw_data([p])), "throw-1: has no landing"),
     (lambda pl, p: tp.identify("data"), "data = 'data': must be ThrowData"),
-    (
-        lambda pl, p: tp.identify(tp.throw_data([p]), ["sp"]),
-        "model = .*: must be a text",
-    ),
+    (lambda pl, p: tp.identify(tp.throw_data([p]), ["sp"]), "model = .*: must be a text"),
     (lambda pl, p: tp.draw_cup(None, None), "axes = None: must be Axes"),
     (lambda pl, p: tp.draw_flight("axes", p), "axes = 'axes': must be Axes"),
 ]

@@ -31,10 +31,7 @@ def robot() -> Iterator[str]:
     pytest.importorskip("franky_sim")
     words = [sys.executable, "-u", "-m", "franky_sim.run_server", "-s", "mujoco"]
     server = subprocess.Popen(
-        [*words, "--hostname", HOST],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
+        [*words, "--hostname", HOST], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     )
     try:
         assert server.stdout is not None

@@ -30,8 +30,7 @@ def motion(saved) -> JointMotion:
 
 
 @pytest.mark.parametrize(
-    ("interval", "speed"),
-    [pytest.param(0.002, 0.4, marks=pytest.mark.slow), (0.05, 0.15)],
+    ("interval", "speed"), [pytest.param(0.002, 0.4, marks=pytest.mark.slow), (0.05, 0.15)]
 )
 def test_a_set_delay_is_measured_and_a_scene_takes_it(tmp_path, run, interval, speed) -> None:
     """Also by a hand that reports its width seldom."""

@@ -85,8 +85,7 @@ def test_a_batch_lands_where_the_single_models_do(model, exact, position, angle)
 
 @pytest.mark.parametrize("delayed", [False, True])
 @pytest.mark.parametrize(
-    ("model", "exact"),
-    [("sp", SlidingPivotRelease(steps=300)), ("ls-step", SteppedRelease(8000))],
+    ("model", "exact"), [("sp", SlidingPivotRelease(steps=300)), ("ls-step", SteppedRelease(8000))]
 )
 def test_sampled_hands_throw_as_each_by_itself(model, exact, delayed: bool) -> None:
     """Hands through samples of their own, and one hand that opens at other times."""

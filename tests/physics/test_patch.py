@@ -8,15 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from release_cases import (
-    BAR,
-    VALUES,
-    energy_of,
-    landed,
-    log_floats,
-    reference_case,
-    sliding_wrench,
-)
+from release_cases import BAR, VALUES, energy_of, landed, log_floats, reference_case, sliding_wrench
 from throwplan.models import Body, Contact, Trajectory
 from throwplan.models.release import LinearGrip, ReleaseCase, SteppedRelease
 from throwplan.models.release.patch import (

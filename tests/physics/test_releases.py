@@ -8,10 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from release_cases import VALUES, expected, order_of, reference_case
-from throwplan.models.release import (
-    ImplicitRelease,
-    SlidingPivotRelease,
-)
+from throwplan.models.release import ImplicitRelease, SlidingPivotRelease
 
 from benchmarks.plain_pivot import PlainPivot
 

@@ -62,10 +62,7 @@ class Floor(SceneConstraint):
         floor, arm, refinement = request.scene.bounds.floor, request.scene.arm, request.refinement
         if floor is None:
             return None
-        values = {
-            "floor": floor + SETTINGS.held_margin,
-            "held_margin": refinement.margins["held"],
-        }
+        values = {"floor": floor + SETTINGS.held_margin, "held_margin": refinement.margins["held"]}
         if arm is not None:
             values |= {
                 "body_back": arm.tool.palm_back,
