@@ -83,7 +83,7 @@ def assemble(
     Stages may share a kind. landing: expression in the variables of the stage at detach. shared:
     functions of other NLPs, to which those of this one are added.
     """
-    symbol, at, options = parameters.symbol, structure.detach, {"cse": not shared}
+    symbol, at = parameters.symbol, structure.detach
     kinds: dict[int, tuple[StageFunctions, list[int]]] = {}
     links: list[Link] = []
     blocks: list[tuple[Block, int, slice]] = []
@@ -91,7 +91,7 @@ def assemble(
     end = 0
     for k, stage in enumerate(stages):
         if id(stage) not in kinds:
-            functions = StageFunctions(stage, symbol, shared, options)
+            functions = StageFunctions(stage, symbol, shared)
             # Another NLP has the same parameters at other places.
             kinds[id(stage)] = shared.setdefault(functions.key, functions), functions.parameters
         begin, gap = end, len(rows)

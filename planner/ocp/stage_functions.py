@@ -32,9 +32,7 @@ from .stages import Instants, Stage
 Lifted = list[tuple[ca.SX, ca.SX]]
 
 
-#: Functions that NLPs share, by the digest of what they are derived from. Derivatives of the first
-#: NLP compute common expressions once, as later ones have most of its stages: this doubles the time
-#: to build, and saves a fifth of an evaluation.
+#: Functions that NLPs share, by the digest of what they are derived from.
 Shared = dict[str, Any]
 
 
@@ -56,17 +54,15 @@ class _InstantFunctions:
     lagrangian: ca.Function
 
     @classmethod
-    def of(
-        cls, value: ca.Function, group: Instants, z: ca.SX, p: ca.SX, options: dict[str, Any]
-    ) -> _InstantFunctions:
-        """The functions of a group whose `value` is given; options: of the derivatives."""
+    def of(cls, value: ca.Function, group: Instants, z: ca.SX, p: ca.SX) -> _InstantFunctions:
+        """The functions of a group whose `value` is given."""
         rows = ca.vertcat(*[row.value for row in group.rows])
         multipliers = ca.SX.sym("l", rows.numel())
         jacobian, gradient, hessian = differentiate(z, group.lifted, rows, multipliers)
         inputs = [z, p, group.at]
-        slopes = ca.Function("slopes", inputs, [jacobian.T], options)
+        slopes = ca.Function("slopes", inputs, [jacobian.T])
         sums = [ca.densify(gradient), hessian]
-        return cls(value, slopes, ca.Function("curvature", [*inputs, multipliers], sums, options))
+        return cls(value, slopes, ca.Function("curvature", [*inputs, multipliers], sums))
 
 
 class _GroupFunctions:
@@ -78,12 +74,7 @@ class _GroupFunctions:
     """
 
     def __init__(
-        self,
-        group: Instants,
-        everything: ca.SX,
-        parameters: ca.SX,
-        shared: Shared,
-        options: dict[str, Any],
+        self, group: Instants, everything: ca.SX, parameters: ca.SX, shared: Shared
     ) -> None:
         rows = ca.vertcat(*[row.value for row in group.rows])
         expanded = substitute_lifted([rows], group.lifted)
@@ -94,7 +85,7 @@ class _GroupFunctions:
         value = ca.Function("value", [z, p, group.at], expanded)
         self.key = digest(value.serialize())
         if self.key not in shared:
-            shared[self.key] = _InstantFunctions.of(value, group, z, p, options)
+            shared[self.key] = _InstantFunctions.of(value, group, z, p)
         self._one: _InstantFunctions = shared[self.key]
         self.gradient = ca.SX.sym("gradient", z.numel())
         self.hessian = ca.SX.sym("hessian", self._one.lagrangian.sparsity_out(1))
@@ -121,20 +112,17 @@ class StageFunctions:
     """CasADi functions of (v, d, p): a kind's variables, its stage's data, parameters.
 
     parameters (len(p),): indices of p among those of the NLP that they were made for. The outputs
-    are -F_k and the constraints; those of groups come last. options: of the derivatives.
+    are -F_k and the constraints; those of groups come last.
     """
 
-    def __init__(
-        self, stage: Stage, parameters: ca.SX, shared: Shared, options: dict[str, Any]
-    ) -> None:
-        self._stage, self._options = stage, options
+    def __init__(self, stage: Stage, parameters: ca.SX, shared: Shared) -> None:
+        self._stage = stage
         rows = [row.value for row in stage.rows]
         outputs = ca.vertcat(*[-state for state in stage.following.values()], *rows)
         self._outputs = ca.vertcat(stage.cost, outputs)
         everything = ca.vertcat(stage.variables, *[symbol for symbol, _ in stage.lifted])
         self._groups = [
-            _GroupFunctions(group, everything, parameters, shared, options)
-            for group in stage.instants
+            _GroupFunctions(group, everything, parameters, shared) for group in stage.instants
         ]
         data = ca.vertcat(*[symbol for symbol, _ in stage.data.values()])
         self._multipliers = ca.SX.sym("l", self._outputs.numel())
@@ -156,7 +144,7 @@ class StageFunctions:
 
     def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
         """A derivative, a function of (v, d, p, more), written in SX."""
-        return ca.Function(name, [*self._inputs, *more], outputs, self._options)
+        return ca.Function(name, [*self._inputs, *more], outputs)
 
     def _joined(
         self, name: str, outputs: Callable[..., list[ca.MX]], more: Sequence[ca.MX] = ()
