@@ -95,54 +95,56 @@ class _Endless(Search):
 
 def make(effort: Effort) -> ReportSection:
     """Plans to targets over the maps and beyond, what other searches find, and lines."""
-    names = SCENES[effort.quick is False]
-    lines = _lines()[: effort.of(1, 20)]
-    step = effort.counter(3 * len(names) + len(lines))
-    rows, drawn = list[Row](), list[Row]()
+    names, lines = effort.of(*SCENES), _lines()[: effort.of(1, len(_lines()))]
+    step, rows, pictured = effort.counter(len(names) + len(lines)), list[Row](), list[Row]()
     for name in names:
-        scene = load_scene(name)
-        found = reach_map(scene, samples=effort.of(*SAMPLED))
-        targets = over_map(found, effort.of(*IN_MAP)) + beyond_map(found, effort.of(*BEYOND))
-        prepared = Planner(scene)
-        throws = prepared.prepare(effort.of(*THROWS))
-        planners = {"none": Planner(scene, library=False), f"{throws} throws": prepared}
-        step()
-        answers = {
-            library: [_answer(planner, target) for target in targets]
-            for library, planner in planners.items()
-        }
-        step()
-        pairs = list(zip(*answers.values(), strict=True))
-        looked = _looked_for(pairs, effort)
-        jobs = [name] * len(targets), targets, pairs, looked
-        truths = list(shared(_truth, *jobs, quick=effort.quick))
-        for words, part in (
-            ("over the map", slice(0, effort.of(*IN_MAP))),
-            ("beyond", slice(effort.of(*IN_MAP), None)),
-        ):
-            for number, (library, said) in enumerate(answers.items()):
-                row: Row = {"scene": name, "targets": words, "library": library}
-                rows.append(row | _row(scene, targets[part], said[part], truths[part], number))
-        if name == names[0]:
-            drawn = [_drawn(*one) for one in zip(targets, answers["none"], truths, strict=True)]
+        made, drawn = _asked(name, effort)
+        rows, pictured = rows + made, pictured or drawn
         step()
     crossed = list[Row]()
     for row in shared(_crossed, lines, [effort.of(*LINE)] * len(lines), quick=effort.quick):
         crossed.append(row)
         step()
-    table = Table("edge-targets", f"Targets of `{names[0]}`, and what was said", drawn)
+    table = Table("edge-targets", f"Targets of `{names[0]}`, and what was said", pictured)
     words = f"Scene {names[0]}: targets over the map and beyond, and the nearest poses named"
     return ReportSection(
         "edge",
         "In reach or not",
         _figures(rows, crossed),
         [
-            Table("edge", "Targets over the maps and beyond them", rows, short=True, digits=2),
+            Table("edge", "Targets over the maps and beyond them", rows),
             Table("edge-lines", "Lines of targets across the edge", crossed),
             table,
         ],
         [Picture("edge", words, _draw_targets(table))],
     )
+
+
+def _asked(name: str, effort: Effort) -> tuple[list[Row], list[Row]]:
+    """Counts and times of both planners on a scene; what the one without a library says."""
+    scene, count = load_scene(name), effort.of(*IN_MAP)
+    found = reach_map(scene, samples=effort.of(*SAMPLED))
+    targets = over_map(found, count) + beyond_map(found, effort.of(*BEYOND))
+    prepared = Planner(scene)
+    throws = prepared.prepare(effort.of(*THROWS))
+    planners = {"none": Planner(scene, library=False), f"{throws} throws": prepared}
+    answers = {
+        library: [_answer(planner, target) for target in targets]
+        for library, planner in planners.items()
+    }
+    pairs = list(zip(*answers.values(), strict=True))
+    looked = [
+        is_searched
+        for part in (pairs[:count], pairs[count:])
+        for is_searched in _looked_for(part, effort.of(*SEARCHED))
+    ]
+    jobs = [name] * len(targets), targets, pairs, looked
+    truths, rows = list(shared(_truth, *jobs, quick=effort.quick)), list[Row]()
+    for words, part in (("over the map", slice(0, count)), ("beyond", slice(count, None))):
+        for number, (library, said) in enumerate(answers.items()):
+            row: Row = {"scene": name, "targets": words, "library": library}
+            rows.append(row | _row(scene, targets[part], said[part], truths[part], number))
+    return rows, [_drawn(*one) for one in zip(targets, answers["none"], truths, strict=True)]
 
 
 def beyond_map(found: ReachMap, count: int) -> list[Pose]:
@@ -177,15 +179,11 @@ def _answer(planner: Planner, target: Pose) -> _Answer:
     return _Answer(plan.status, named, planner.plan(named).solved, seconds)
 
 
-def _looked_for(pairs: Sequence[tuple[_Answer, ...]], effort: Effort) -> list[bool]:
-    """For each target whether it is searched on for: the first ones that no planner throws to."""
-    left = {part: effort.of(*SEARCHED) for part in (True, False)}
-    looked = []
-    for i, answers in enumerate(pairs):
-        is_in, lost = i < effort.of(*IN_MAP), all(one.status != "solved" for one in answers)
-        looked.append(lost and left[is_in] > 0)
-        left[is_in] -= looked[-1]
-    return looked
+def _looked_for(pairs: Sequence[tuple[_Answer, ...]], most: int) -> list[bool]:
+    """For each target whether it is searched on for: the first that no planner throws to."""
+    lost = np.array([all(one.status != "solved" for one in answers) for answers in pairs])
+    found: list[bool] = (lost & (np.cumsum(lost) <= most)).tolist()
+    return found
 
 
 def _truth(name: str, target: Pose, answers: tuple[_Answer, ...], is_searched: bool) -> _Truth:
@@ -213,7 +211,7 @@ def _search(
     for so many throws."""
     planner = _planner_of(name)
     context = SearchContext(planner.problems, planner.releases, keep=False)
-    scene, clock = planner.problems.scene.aimed_at(target), Clock.lasting(seconds)
+    scene, clock = planner.scene.aimed_at(target), Clock.lasting(seconds)
     task = Task(scene, target, clock=clock, wanted=starts)
     return find_throws(kind(context, task), FROM_NOTHING, History())
 

@@ -13,13 +13,15 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from throwplan.planner.show import Table, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
+
+T = TypeVar("T")
 
 TITLE = "Appendix: everything that was measured"
 HEAD = """Landings are those of models: nothing here is measured on real throws, where the published
@@ -159,8 +161,8 @@ class Effort:
     quick: bool = False
     progress: Callable[[int, int], None] | None = None
 
-    def of(self, quick: int, full: int) -> int:
-        """One of two sizes."""
+    def of(self, quick: T, full: T) -> T:
+        """One of two sizes, or of two lists."""
         return quick if self.quick else full
 
     def counter(self, total: int) -> Callable[[], None]:

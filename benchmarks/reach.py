@@ -54,7 +54,7 @@ SAMPLED = (20_000, 200_000)
 def make(effort: Effort) -> ReportSection:
     """Plans to targets in reach, to far ones, and to targets all over the map."""
     counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items() if effort.of(*sizes)}
-    spread = LIBRARIES[0] if effort.quick else LIBRARIES[1]
+    spread = effort.of(*LIBRARIES)
     step = effort.counter(len(counts) + len(spread) + 1)
     made = shared(_targets, counts, counts.values(), quick=effort.quick)
     targets = dict(zip(counts, made, strict=True))
