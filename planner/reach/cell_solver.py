@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from operator import attrgetter
 
-import numpy as np
-
 from ...problems import Pose, Scene
 from ..library import Neighbour
 from ..ocp import BASE, Optimum, ReducedVariables, Refinement, Request
@@ -162,13 +160,11 @@ class CellSolver:
 
     def _moved(self, near: Neighbour, source: KnownThrow, task: Task) -> KnownThrow | None:
         """The throw moved along its slope; None where it breaks something there."""
-        attempt, optimum = self.corrector.attempt(near, task), near.optimum
-        if not attempt.solved or attempt.throw is None:
+        attempt, u = self.corrector.moved(near, task)
+        if not attempt.solved or attempt.throw is None or u is None:
             return None
-        off = np.array(near.miss[: optimum.slope.shape[1]])
-        u = self.corrector.controls.within(optimum.u - optimum.slope @ off)
-        detach = attempt.throw.deciding.release.end
-        optimum = replace(optimum, u=u, detach=detach, effort=attempt.throw.effort)
+        detach, effort = attempt.throw.deciding.release.end, attempt.throw.effort
+        optimum = replace(near.optimum, u=u, detach=detach, effort=effort)
         return KnownThrow(optimum, source.moves + 1)
 
     def _solved_anew(self, near: Neighbour, task: Task) -> KnownThrow | None:

@@ -123,15 +123,6 @@ def _in_region(attempt: Attempt, goal: Pose, task: Task) -> Attempt:
     return replace(attempt, goal=goal, throw=throw, verdict=verdict(deciding, goal))
 
 
-def recalled(corrector: Corrector, near: Neighbour, task: Task) -> Attempt:
-    """A throw of the library's boundary as it is: limits let none come nearer to its own goal."""
-    x, theta = near.landing
-    pose = near.goal.in_plane(x, None if near.goal.theta is None else theta)
-    made = corrector.attempt(replace(near, goal=pose), task.aimed_at(pose))
-    edge = NearestFeasible(pose, near.optimum.binding, near.distance)
-    return replace(made, goal=near.goal, edge=edge)
-
-
 def _beside(attempt: Attempt, goal: Pose, task: Task) -> Attempt:
     """An attempt to land beside the goal."""
     pose = attempt.goal

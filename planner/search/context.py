@@ -23,7 +23,8 @@ class SearchSettings:
     near_distance: within it a warm plan's solution needs few iterations. comparable: further
     solutions for a region are corrected up to this multiple of the least cost. first_starts:
     sampled starts, and those of them that arrive well, solved before throws beside the target are
-    brought to it. approaches: solved throws brought as near to the target as limits allow.
+    brought to it. approaches: solved throws brought as near to the target as limits allow;
+    leads: of the library, moved towards it before.
     same_distance: a throw within it of one that is kept is not kept; without a library, a target
     within it of the nearest landing is not called out of reach. A target is out of reach if there
     is a new nearest landing and `vain_starts` sampled starts lead nowhere, of a hand
@@ -32,7 +33,9 @@ class SearchSettings:
     another agree: their distances are within a factor of `equal_ratio`, and they are nearer to each
     other than `same_side` of that. Behind the base column the search ends after `equal_landings`
     approaches. An approach that limits hold farther off than `hopeless` times the nearest landing
-    ends. dense: throws of a library whose reach is known by them.
+    ends. dense: throws of a library whose reach is known by them; dense_in_x: with theta open.
+    Throws that are led come nearer than what an NLP constrains: with them a new landing up to
+    `led_ratio` times as far counts.
     """
 
     moves: int = 4
@@ -43,14 +46,17 @@ class SearchSettings:
     comparable: float = 1.02
     first_starts: int = 1
     approaches: int = 2
+    leads: int = 3
     same_distance: float = 0.005
-    vain_starts: int = 6
+    vain_starts: int = 8
     vain_hand_starts: int = 16
     equal_landings: int = 2
     equal_ratio: float = 1.1
+    led_ratio: float = 2.0
     same_side: float = 0.5
     hopeless: float = 3.0
     dense: int = 1000
+    dense_in_x: int = 100
 
 
 SETTINGS = SearchSettings()

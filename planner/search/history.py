@@ -74,13 +74,18 @@ class Approach:
 
 
 @dataclass(frozen=True)
-class Recall:
-    """Throw a throw of the library's boundary as it is, beside the goal."""
+class Lead:
+    """Move a throw of the library towards the goal, as far as it breaks nothing."""
 
     near: Neighbour
 
+    @property
+    def stays(self) -> bool:
+        """Whether limits ended the throw where it is: it has no slope."""
+        return not self.near.optimum.slope.any()
 
-Try = Move | Solve | Approach | Recall
+
+Try = Move | Solve | Approach | Lead
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,11 +136,23 @@ class History:
 
     @property
     def new_edges(self) -> list[Attempt]:
-        """The edges of tries that do not start from throws of earlier plans."""
-        entries = self.entries
-        return _edges(
-            [one for one in entries if not isinstance(one.done, Approach) or not one.done.found]
-        )
+        """The edges of tries that do not start from throws of earlier plans, nor lead a throw of
+        the library that effort may hold back."""
+
+        def is_new(done: Try) -> bool:
+            match done:
+                case Approach():
+                    return not done.found
+                case Lead():
+                    return done.stays
+            return True
+
+        return _edges([one for one in self.entries if is_new(one.done)])
+
+    @property
+    def leads(self) -> int:
+        """Number of throws of the library that were led towards the goal."""
+        return sum(isinstance(one, Lead) for one in self.tries)
 
     @property
     def approaches(self) -> int:

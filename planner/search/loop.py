@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from ...interrupts import INTERRUPTS
-from .approach import approach_goal, recalled
+from .approach import approach_goal
 from .attempt import Attempt, attempts
-from .history import Approach, Entry, History, Move, Recall, Solve, Try
+from .history import Approach, Entry, History, Lead, Move, Solve, Try
+from .lead import led
 from .search import Search
 from .strategies import Strategy
 
@@ -37,7 +38,7 @@ def _outcome(search: Search, step: Try) -> Iterable[Attempt]:
             return [context.corrector.attempt(near, task)]
         case Solve(start):
             return attempts(context.problems, start, task)
-        case Recall(near):
-            return [recalled(context.corrector, near, task)]
+        case Lead():
+            return [led(context.corrector, step, task)]
         case Approach():
             return approach_goal(context.corrector, step, task)

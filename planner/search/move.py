@@ -20,9 +20,9 @@ from ...problems import Pose
 from ..library import Neighbour
 from ..ocp import CondensedQp, Layout, Margins, Optimum, ReducedVariables, Request, Solution
 from ..result import PlannedThrow
-from ..throw import TICK, Manipulator, Samples, Throw, case_of, send
+from ..throw import TICK, Manipulator, Samples, SmoothingError, Throw, case_of, send
 from ..verdict import verdict
-from .attempt import Attempt, Start, accuracy
+from .attempt import Attempt, Start, accuracy, error_over
 from .guess import initial_guess_from
 from .nlp_cache import CompiledNlp, NlpCache, Task
 
@@ -52,18 +52,22 @@ class Corrector:
 
     def attempt(self, near: Neighbour, task: Task) -> Attempt:
         """An attempt to throw to the goal of an optimum near it, along its slope."""
+        return self.moved(near, task)[0]
+
+    def moved(self, near: Neighbour, task: Task) -> tuple[Attempt, Array | None]:
+        """An attempt to throw to the goal of an optimum near it, along its slope, and its `u`."""
         goal, refinement, judged = near.goal, near.optimum.refinement, None
         reason = "a solved throw nearby does not move to the target"
         with task.clock("smooth"):
-            found = self._moved(near, task)
+            found, u = self._moved(near, task)
         if found is not None:
             with task.clock("check"):
                 judged = verdict(found.deciding, goal)
             reason = judged.words
-        return Attempt(goal, refinement, CORRECTOR, found, judged, reason, 0, 1)
+        return Attempt(goal, refinement, CORRECTOR, found, judged, reason, 0, 1), u
 
-    def _moved(self, near: Neighbour, task: Task) -> PlannedThrow | None:
-        """The throw that lands at the goal, by the model that counts; None without one."""
+    def _moved(self, near: Neighbour, task: Task) -> tuple[PlannedThrow, Array] | tuple[None, None]:
+        """The throw that lands at the goal, by the model that counts, and its `u`; None without."""
         move, found, optimum = self._fixed, self._buffers, near.optimum
         manipulator, goal = self.problems.manipulator, near.nearest
         move.errors, move.aim[:] = optimum.slope.shape[1], accuracy(task.scene)
@@ -75,7 +79,7 @@ class Corrector:
         theta = 0.0 if goal.theta is None else goal.theta
         move.goal[:] = goal.plane_x - dx, goal.z, theta - dtheta
         if library().move_throw(move, found) <= 0:
-            return None
+            return self._unmoved(near, task)
         breaks, cubics = found.kept["breaks"].copy(), found.kept["cubics"].copy()
         nodes = found.kept["nodes_at"][: found.nodes]
         planned, release = Trajectory(breaks, cubics, breaks), Release.from_nodes(nodes)
@@ -83,10 +87,29 @@ class Corrector:
             release = Release.from_nodes(nodes, list(found.onset), bool(found.lost))
         is_arm = manipulator.hard.jerk is not None
         samples = self._sent(found) if is_arm else send(manipulator, planned)
-        opens = self.controls.opening_time(found.kept["u"])
+        u = found.kept["u"].copy()
+        opens = self.controls.opening_time(u)
         thrown = Throw.sent(task.scene, manipulator, planned, samples, opens).released(release)
         effort, size = self.controls.effort(planned), optimum.nlp_size
-        return PlannedThrow(planned, thrown, effort, size, optimum.refinement, optimum=optimum)
+        throw = PlannedThrow(planned, thrown, effort, size, optimum.refinement, optimum=optimum)
+        return throw, u
+
+    def _unmoved(
+        self, near: Neighbour, task: Task
+    ) -> tuple[PlannedThrow, Array] | tuple[None, None]:
+        """The throw as it is where that lands at the goal, smoothed to the limits by Ruckig."""
+        optimum, manipulator = near.optimum, self.problems.manipulator
+        if error_over(*near.miss, accuracy(self.problems.scene)) > 1.0:
+            return None, None
+        planned, opens = self.controls.motion(optimum.u)
+        try:
+            samples = send(manipulator, planned)
+        except SmoothingError:
+            return None, None
+        thrown = Throw.sent(task.scene, manipulator, planned, samples, opens)
+        size, refinement = optimum.nlp_size, optimum.refinement
+        throw = PlannedThrow(planned, thrown, optimum.effort, size, refinement, optimum=optimum)
+        return throw, optimum.u
 
     @cached_property
     def _fixed(self) -> MoveC:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import merge
+from itertools import islice
 from operator import attrgetter
 
 from ..library import Library, Neighbour
@@ -17,7 +18,7 @@ from .attempt import Attempt, Start
 from .candidates import REGION_STARTS, Candidates, release_start
 from .context import SETTINGS, SearchContext, agree
 from .feasibility import in_column
-from .history import Approach, History, Recall, Solve, Try
+from .history import Approach, History, Solve, Try
 from .move import moved_start, optimum_of
 from .nlp_cache import Task
 
@@ -155,7 +156,8 @@ class Search:
     @property
     def is_sparse(self) -> bool:
         """Whether the library has too few throws to show how far the reach goes."""
-        return len(self.context.library) < SETTINGS.dense
+        library = self.context.library
+        return len(library) < (SETTINGS.dense if library.angle else SETTINGS.dense_in_x)
 
     @cached_property
     def stored(self) -> list[Approach]:
@@ -177,17 +179,12 @@ class Search:
         task = self.task
         return list(self.context.library.nearest_of_boundary(task.target, task.turns, 2))
 
-    @property
-    def is_mapped(self) -> bool:
-        """Whether the library alone shows how near to the target limits let a throw come.
-
-        The nearest of its boundary is about as near as another of it, or as all other throws.
-        """
-        if self.is_sparse or not self.boundary or len(self.task.solvers) == 1:
-            return False
-        inside = list(self._nearest(self.context.library, 1, math.inf))
-        is_nearest = self._is_nearest(self.boundary[0].distance, [one.distance for one in inside])
-        return is_nearest and self._agree(self.boundary + inside)
+    @cached_property
+    def ends(self) -> list[Neighbour]:
+        """Throws of the library to be led to the target, the nearest first."""
+        inside = self._nearest(self.context.library, SETTINGS.leads, math.inf)
+        near = merge(self.boundary[:1], inside, key=lambda one: one.distance)
+        return list(islice(near, SETTINGS.leads))
 
     @cached_property
     def arriving(self) -> Candidates:
@@ -206,7 +203,7 @@ class Search:
         stored, least = self._stored(history), history.edges[0].missed
         are_alike = not self.is_sparse and self.are_alike(history)
         is_vain = least >= SETTINGS.same_distance and self.are_starts_vain(history)
-        is_vain = is_vain and self._is_new(history)
+        is_vain = is_vain and (history.leads > 0 or self._is_new(history))
         if not (are_alike or is_vain) or self._may_pass(history):
             return False
         sampled = [away for _, _, away in self.arriving.nearest]
@@ -220,12 +217,17 @@ class Search:
         return len(history.solves_from("samples")) >= starts
 
     def are_alike(self, history: History) -> bool:
-        """Whether the nearest landings agree, one of them new."""
-        return self._is_new(history) and self._agree([*history.edges, *self._stored(history)])
+        """Whether the nearest landings agree, one of them new, or the nearest new ones do."""
+        nearest: list[Attempt | Neighbour] = [*history.edges, *self._stored(history)]
+        return self._is_new(history) and (self._agree(nearest) or self._agree(history.new_edges))
 
     def _is_new(self, history: History) -> bool:
-        """Whether the nearest landing, or one about as near, is of a new throw."""
-        most = SETTINGS.equal_ratio * history.edges[0].missed if history.edges else 0.0
+        """Whether the nearest landing, or one about as near, is of a new throw.
+
+        Throws that are led come up to the limits themselves, nearer than what the NLP constrains.
+        """
+        ratio = SETTINGS.led_ratio if history.leads else SETTINGS.equal_ratio
+        most = ratio * history.edges[0].missed if history.edges else 0.0
         return any(one.missed <= most for one in history.new_edges)
 
     def _is_nearest(self, least: float, known: list[float]) -> bool:
@@ -234,10 +236,8 @@ class Search:
         return least <= most + self.task.scene.tolerance.position
 
     def _stored(self, history: History) -> list[Neighbour]:
-        """The library's nearest throw, and the nearest of its boundary that was not thrown."""
-        thrown = sum(isinstance(one, Recall) for one in history.tries)
-        inside = self._nearest(self.context.library, 1, math.inf)
-        return [*inside, *self.boundary[thrown:][:1]]
+        """The library's nearest throws, but those that were led to the target."""
+        return self.ends[history.leads :]
 
     def _agree(self, ends: Sequence[Attempt | Neighbour]) -> bool:
         """Whether the nearest landing and another agree (`agree`)."""

@@ -16,7 +16,7 @@ from .attempt import Start
 from .candidates import MANY_STARTS, REGION_STARTS, STARTS, Candidates, release_start
 from .context import SETTINGS
 from .guess import guess_of
-from .history import LAST_PRICE, Approach, History, Move, Recall, Solve, Try
+from .history import LAST_PRICE, Approach, History, Lead, Move, Solve, Try
 from .search import Search
 
 Strategy = Callable[[Search, History], Try | None]
@@ -69,16 +69,19 @@ def from_nearest_samples(search: Search, history: History) -> Try | None:
 
 
 def from_library(search: Search, history: History) -> Try | None:
-    """A throw of the library that lands beside the target, brought as near to it as limits let it.
+    """A throw of the library that lands beside the target, led and brought as near to it as limits
+    let it.
 
     Most targets that no throw of it was moved to are out of reach, if there are many; this says so
     soonest.
     """
-    if search.is_sparse or history.found or search.is_settled(history):
+    if search.is_sparse or history.found or len(search.task.solvers) == 1:
         return None
-    if search.is_mapped and not any(isinstance(one, Recall) for one in history.tries):
-        return Recall(search.boundary[0])
-    return None if search.blocked else next(islice(search.stored, history.approaches, None), None)
+    if history.leads < len(search.ends):
+        return Lead(search.ends[history.leads])
+    if search.blocked or search.is_settled(history):
+        return None
+    return next(islice(search.stored, history.approaches, None), None)
 
 
 def from_beside(search: Search, history: History) -> Try | None:
@@ -89,7 +92,8 @@ def from_beside(search: Search, history: History) -> Try | None:
     number = history.approaches
     enough = history.found or search.is_settled(history)
     enough = enough or (search.are_alike(history) and not search.are_starts_vain(history))
-    is_given_up = search.blocked and number == SETTINGS.equal_landings
+    is_known = bool(history.leads and history.edges)
+    is_given_up = search.blocked and (is_known or number == SETTINGS.equal_landings)
     if enough or is_given_up or not search.candidates.nearest:
         return None
     return next(islice(search.approaches, number, None), None)

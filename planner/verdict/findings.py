@@ -140,6 +140,12 @@ class Finding:
         """The finding as a sentence."""
         return _SENTENCES[self.code](self)
 
+    @property
+    def limit_name(self) -> str:
+        """The limit's name, as of limits that bind at an optimum."""
+        kind = _LIMITS.get(self.code, self.code.value.removeprefix("joint_").replace("_", " "))
+        return f"{self.body} {kind}" if self.code in _OF_A_JOINT else kind
+
     def to_dict(self) -> dict[str, Any]:
         """As JSON: SI units, radians."""
         entries = {
@@ -253,6 +259,15 @@ def _distance(name: str) -> Callable[[Finding], str]:
     return words
 
 
+#: Names of limits that differ from their code's.
+_LIMITS = {
+    Code.CARRY: "grip while carrying",
+    Code.COLUMN: "base column",
+    Code.COLLISION: "obstacle",
+    Code.CUP_MISSED: "cup depth",
+    Code.CUP_WALL: "cup clearance",
+}
+_OF_A_JOINT = {*JOINT_LIMITS.values(), Code.TORQUE}
 _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     Code.LANDING: _landing,
     Code.NO_LANDING: lambda f: "the object never falls to the target's height",
