@@ -29,12 +29,12 @@ class SearchSettings:
     within it of the nearest landing is not called out of reach. A target is out of reach if there
     is a new nearest landing and `vain_starts` sampled starts lead nowhere, of a hand
     `vain_hand_starts` (beside the reach of `hand-flip` 5 of 39 answers after 6 starts were false,
-    none of 34 after 16), or with a library of `dense` throws or more if the nearest landing and
+    none of 34 after 16; of landings that agree 4 of 34), or of an arm with a library of `dense` throws or more if the nearest landing and
     another agree: their distances are within a factor of `equal_ratio`, and they are nearer to each
     other than `same_side` of that. Behind the base column the search ends after `equal_landings`
     approaches. An approach that limits hold farther off than `hopeless` times the nearest landing
     ends. dense: throws of a library whose reach is known by them; dense_in_x: with theta open.
-    Throws that are led come nearer than what an NLP constrains: with them a new landing up to
+    Throws that are led come nearer than what NLPs constrain: beside them a new landing up to
     `led_ratio` times as far counts.
     """
 
@@ -52,7 +52,7 @@ class SearchSettings:
     vain_hand_starts: int = 16
     equal_landings: int = 2
     equal_ratio: float = 1.1
-    led_ratio: float = 2.0
+    led_ratio: float = 2.2
     same_side: float = 0.5
     hopeless: float = 3.0
     dense: int = 1000

@@ -136,18 +136,14 @@ class History:
 
     @property
     def new_edges(self) -> list[Attempt]:
-        """The edges of tries that do not start from throws of earlier plans, nor lead a throw of
-        the library that effort may hold back."""
-
-        def is_new(done: Try) -> bool:
-            match done:
-                case Approach():
-                    return not done.found
-                case Lead():
-                    return done.stays
-            return True
-
-        return _edges([one for one in self.entries if is_new(one.done)])
+        """The edges of NLPs that do not start from throws of earlier plans."""
+        return _edges(
+            one
+            for one in self.entries
+            if not (
+                isinstance(one.done, Lead) or (isinstance(one.done, Approach) and one.done.found)
+            )
+        )
 
     @property
     def leads(self) -> int:

@@ -18,7 +18,7 @@ from .attempt import Attempt, Start
 from .candidates import REGION_STARTS, Candidates, release_start
 from .context import SETTINGS, SearchContext, agree
 from .feasibility import in_column
-from .history import Approach, History, Solve, Try
+from .history import PRICES, Approach, History, Solve, Try
 from .move import moved_start, optimum_of
 from .nlp_cache import Task
 
@@ -163,13 +163,14 @@ class Search:
     def stored(self) -> list[Approach]:
         """Approaches from the library: from the boundary of the reach, then from other throws.
 
-        They end before costly constraints: other starts may need none.
+        They end before costly constraints: other starts may need none. From solved throws the first
+        price gains nothing.
         """
         if len(self.task.solvers) == 1:
             return []
         others = self._nearest(self.context.library, SETTINGS.approaches, math.inf)
         return [
-            Approach(near.goal, near, near.distance, light=True)
+            Approach(near.goal, near, near.distance, light=True, prices=PRICES[-1:])
             for near in (*self.boundary[:1], *others)
         ]
 
@@ -201,7 +202,8 @@ class Search:
         if not history.edges:
             return False
         stored, least = self._stored(history), history.edges[0].missed
-        are_alike = not self.is_sparse and self.are_alike(history)
+        is_arm = self.task.scene.robot is not None
+        are_alike = is_arm and not self.is_sparse and self.are_alike(history)
         is_vain = least >= SETTINGS.same_distance and self.are_starts_vain(history)
         is_vain = is_vain and (history.leads > 0 or self._is_new(history))
         if not (are_alike or is_vain) or self._may_pass(history):

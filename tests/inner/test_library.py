@@ -18,7 +18,7 @@ import throwplan as tp
 from builders import varied
 from throwplan.planner.library import Library
 from throwplan.planner.ocp import Margins, Refinement
-from throwplan.planner.throw import make_manipulator, send
+from throwplan.planner.throw import Throw, make_manipulator, send
 from throwplan.planner.verdict import verdict
 from throwplan.problems import Choice, Cost
 
@@ -453,26 +453,39 @@ def test_throws_of_the_boundary_land_where_they_say(prepared: tp.Planner) -> Non
         assert prepared.plan(landing).solved
 
 
+def test_its_throws_land_where_they_say(prepared: tp.Planner) -> None:
+    """Also those that growth moved from one cell to the next."""
+    library, scene = prepared.library, prepared.scene
+    x, theta, _ = library.landings(scene.target.z)
+    for k in range(len(library)):
+        planned, opening = library.controls.motion(library.optimum(k).u)
+        samples = send(prepared.manipulator, planned)
+        thrown = Throw.sent(scene, prepared.manipulator, planned, samples, opening).landing
+        assert abs(thrown.x - x[k]) < 2e-5 and abs(thrown.theta - theta[k]) < 1e-4
+
+
 @pytest.mark.slow
-def test_the_boundary_of_a_large_library_answers_by_itself(tmp_path, monkeypatch) -> None:
-    """Without a solver, by a throw that breaks nothing where it lands."""
+def test_beyond_the_reach_a_library_names_the_nearest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With few NLPs, inside the base column without any; a search without it finds none nearer."""
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
-    planner = tp.Planner(tp.load_scene("hand-flip"))
-    assert planner.prepare(1100) >= 1000
-    target, lever = planner.scene.target, planner.scene.object.half_length
-    middle = np.median(planner.library.landings(target.z)[:2], axis=1)
-    answered = 0
-    for near in planner.library.nearest_of_boundary(target, "exact", 60):
-        x, theta = near.landing
-        away = np.array([x, theta]) - middle
-        away *= 0.2 / (abs(away[0]) + lever * abs(away[1]))
-        beyond = target.in_plane(x + away[0], theta + away[1])
-        plan = planner.plan(beyond)
-        if plan.status == "out_of_reach" and plan.iterations == 0:
-            answered += 1
-            assert plan.binding and beyond.distance(plan.nearest, lever) < 0.201
-            assert planner.plan(plan.nearest).solved
-    assert answered >= 3
+    planner = tp.Planner(tp.load_scene("box"))
+    assert planner.prepare(120) >= 100
+    alone, lever = tp.Planner("box", library=False), planner.scene.object.half_length
+    x, theta, _ = planner.library.landings(planner.scene.target.z)
+    for place in (0.03, 0.08, 2.2, -2.2):
+        target = planner.scene.target.in_plane(place, None)
+        plan, other = planner.plan(target), alone.plan(target)
+        assert plan.status == other.status == "out_of_reach"
+        if abs(place) < 0.1:
+            assert plan.iterations == 0 and plan.binding == ("base column",)
+        else:
+            assert plan.binding and plan.iterations < other.iterations / 2
+        away, most = (target.distance(one.nearest, lever) for one in (plan, other))
+        assert away < 1.1 * most
+        assert away < 1.001 * planner.scene.object.pose_error(*target.miss(x, theta)).min()
+        assert planner.plan(plan.nearest).solved
 
 
 def test_turns_alternatives_and_a_choice(prepared) -> None:
