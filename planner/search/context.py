@@ -23,19 +23,19 @@ class SearchSettings:
     near_distance: within it a warm plan's solution needs few iterations. comparable: further
     solutions for a region are corrected up to this multiple of the least cost. first_starts:
     sampled starts, and those of them that arrive well, solved before throws beside the target are
-    brought to it. approaches: solved throws brought as near to the target as limits allow;
-    leads: of the library, moved towards it before.
-    same_distance: a throw within it of one that is kept is not kept; without a library, a target
-    within it of the nearest landing is not called out of reach. A target is out of reach if there
-    is a new nearest landing and `vain_starts` sampled starts lead nowhere, of a hand
-    `vain_hand_starts` (beside the reach of `hand-flip` 5 of 39 answers after 6 starts were false,
-    none of 34 after 16; of landings that agree 4 of 34), or of an arm with a library of `dense` throws or more if the nearest landing and
-    another agree: their distances are within a factor of `equal_ratio`, and they are nearer to each
-    other than `same_side` of that. Behind the base column the search ends after `equal_landings`
-    approaches. An approach that limits hold farther off than `hopeless` times the nearest landing
-    ends. dense: throws of a library whose reach is known by them; dense_in_x: with theta open.
-    Throws that are led come nearer than what NLPs constrain: beside them a new landing up to
-    `led_ratio` times as far counts.
+    brought to it. approaches: solved throws brought as near to the target as limits allow; leads:
+    of the library, moved towards it before. same_distance: a throw within it of one that is kept is
+    not kept; without a library, a target within it of the nearest landing is not called out of
+    reach. A target is out of reach if there is a new nearest landing and `vain_starts` sampled
+    starts lead nowhere, of a hand `vain_hand_starts` (beside the reach of `hand-flip` 5 of 39
+    answers after 6 starts were false, none of 34 after 16; of landings that agree 4 of 34), or of
+    an arm with a library of `dense` throws or more if the nearest landing and another agree: their
+    distances are within a factor of `equal_ratio`, and they are nearer to each other than
+    `same_side` of that. Behind the base column the search ends after `equal_landings` approaches.
+    An approach that limits hold farther off than `hopeless` times the nearest landing ends. dense:
+    throws of a library whose reach is known by them; dense_in_x: with theta open. Throws that are
+    led come nearer than what NLPs constrain: beside them a new landing up to `led_ratio` times as
+    far counts.
     """
 
     moves: int = 4
