@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 #: Scenes: quick, full; the first of the full ones is drawn.
 SCENES = ("hand-box",), ("pose", "cup", "box", "flip", "fr3", "hand-flip")
 #: Targets of a scene over its map, and beyond it: quick, full.
-IN_MAP, BEYOND = (6, 200), (4, 100)
+IN_MAP, BEYOND = (6, 100), (4, 50)
 #: Targets beyond are so many bins from the nearest with a landing.
 RING = (2, 4)
 #: Of the targets of a scene that neither planner throws to, those that are searched on for over
 #: the map and beyond: quick, full. Each [s] of processor time.
-SEARCHED, SEARCH_TIME = (1, 6), 30.0
+SEARCHED, SEARCH_TIME = (1, 8), 10.0
 #: Longest time [s] of a plan to a pose that was named as nearest.
 NAMED_TIME = 5.0
 #: A landing is too far if its pose error is above this multiple of the best known.

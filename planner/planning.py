@@ -151,6 +151,8 @@ def _failed_plan(search: Search, history: History) -> Plan:
         )
     edge = history.edges[0].edge if history.edges else None
     if edge is not None and search.is_nearest_possible(history):
+        if search.blocked:
+            edge = replace(edge, names=tuple(dict.fromkeys((COLUMN, *edge.names))))
         words = edge.words("out of reach: nearest possible x", task.target)
         return unsolved_plan(search, history, words, nearest=edge.pose, binding=edge.names)
     if search.blocked:

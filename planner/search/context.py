@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -33,9 +33,7 @@ class SearchSettings:
     distances are within a factor of `equal_ratio`, and they are nearer to each other than
     `same_side` of that. Behind the base column the search ends after `equal_landings` approaches.
     An approach that limits hold farther off than `hopeless` times the nearest landing ends. dense:
-    throws of a library whose reach is known by them; dense_in_x: with theta open. Throws that are
-    led come nearer than what NLPs constrain: beside them a new landing up to `led_ratio` times as
-    far counts.
+    throws of a library whose reach is known by them; dense_in_x: with theta open.
     """
 
     moves: int = 4
@@ -52,7 +50,6 @@ class SearchSettings:
     vain_hand_starts: int = 16
     equal_landings: int = 2
     equal_ratio: float = 1.1
-    led_ratio: float = 2.2
     same_side: float = 0.5
     hopeless: float = 3.0
     dense: int = 1000
@@ -71,12 +68,19 @@ def agree(misses: Iterable[tuple[float, float]], lever: float) -> bool:
     ends = sorted((abs(dx) + lever * abs(turn), dx, lever * turn) for dx, turn in misses)
     if len(ends) < 2:
         return False
-    least, x, turned = ends[0]
+    least, *miss = ends[0]
     return any(
-        missed <= SETTINGS.equal_ratio * least
-        and abs(dx - x) + abs(turn - turned) <= SETTINGS.same_side * least
+        missed <= SETTINGS.equal_ratio * least and on_one_side(miss, (dx, turn), 1.0)
         for missed, dx, turn in ends[1:]
     )
+
+
+def on_one_side(miss: Sequence[float], other: Sequence[float], lever: float) -> bool:
+    """Whether two landings are nearer to each other than half the first one's distance from the
+    target; misses as of `agree`."""
+    (x, theta), (dx, dtheta) = miss, other
+    away = abs(x) + lever * abs(theta)
+    return abs(dx - x) + lever * abs(dtheta - theta) <= SETTINGS.same_side * away
 
 
 @dataclass(frozen=True, eq=False)

@@ -186,13 +186,18 @@ class History:
 
 
 def _edges(entries: Iterable[Entry]) -> list[Attempt]:
-    missed = attrgetter("missed")
-    ends = [
-        min(found, key=missed)
-        for entry in entries
-        if (found := [one for one in entry.attempts if one.is_edge])
-    ]
-    return sorted(ends, key=missed)
+    """The nearest edge of each source, nearest first; a throw that was led and brought near is
+    one."""
+    nearest = dict[object, Attempt]()
+    for number, entry in enumerate(entries):
+        edges = [one for one in entry.attempts if one.is_edge]
+        near = getattr(entry.done, "near", None) or getattr(entry.done, "source", None)
+        source = near.landing if isinstance(near, Neighbour) else number
+        if source in nearest:
+            edges.append(nearest[source])
+        if edges:
+            nearest[source] = min(edges, key=attrgetter("missed"))
+    return sorted(nearest.values(), key=attrgetter("missed"))
 
 
 # Several throws to one target: which of them differ, and which is best.

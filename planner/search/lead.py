@@ -30,17 +30,20 @@ def led(corrector: Corrector, step: Lead, task: Task) -> Attempt:
         return corrector.attempt(replace(near, goal=pose), task.aimed_at(pose))
 
     (x, theta), (off, turn) = near.landing, near.miss
-    nearest = None
+    nearest, moves = None, 0
     for dx, dtheta in () if step.stays else ((0.0, -turn), (-off, 0.0)):
         done = 0.0
         for k in range(HALVINGS if dx or dtheta else 0):
             share = done + 0.5 ** (k + 1)
-            made = at(x + share * dx, theta + share * dtheta)
+            made, moves = at(x + share * dx, theta + share * dtheta), moves + 1
             if made.solved:
                 done, nearest = share, made
-            elif made.verdict is not None:
-                names = tuple(one.limit_name for one in made.verdict.broken)
+            elif made.verdict is None:
+                names = near.optimum.binding
+            else:
+                names = tuple(dict.fromkeys(one.limit_name for one in made.verdict.broken))
         x, theta = x + done * dx, theta + done * dtheta
     nearest = nearest or at(x, theta)
     missed = task.scene.object.pose_error(*goal.miss(x, theta))
-    return replace(nearest, goal=goal, edge=NearestFeasible(nearest.goal, names, missed))
+    edge = NearestFeasible(nearest.goal, names, missed)
+    return replace(nearest, goal=goal, edge=edge, solves=max(moves, 1))

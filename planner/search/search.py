@@ -16,7 +16,7 @@ from ..ocp import BASE, Optimum, Refinement
 from ..result import PlannedThrow
 from .attempt import Attempt, Start
 from .candidates import REGION_STARTS, Candidates, release_start
-from .context import SETTINGS, SearchContext, agree
+from .context import SETTINGS, SearchContext, agree, on_one_side
 from .feasibility import in_column
 from .history import PRICES, Approach, History, Solve, Try
 from .move import moved_start, optimum_of
@@ -157,6 +157,8 @@ class Search:
     def is_sparse(self) -> bool:
         """Whether the library has too few throws to show how far the reach goes."""
         library = self.context.library
+        if library.angle != (self.task.target.theta is not None):
+            return True
         return len(library) < (SETTINGS.dense if library.angle else SETTINGS.dense_in_x)
 
     @cached_property
@@ -171,21 +173,23 @@ class Search:
         others = self._nearest(self.context.library, SETTINGS.approaches, math.inf)
         return [
             Approach(near.goal, near, near.distance, light=True, prices=PRICES[-1:])
-            for near in (*self.boundary[:1], *others)
+            for near in (*self.boundary, *others)
         ]
 
     @cached_property
     def boundary(self) -> list[Neighbour]:
-        """The two nearest throws of the library's boundary."""
+        """The nearest throw of the library's boundary, if there is one."""
         task = self.task
-        return list(self.context.library.nearest_of_boundary(task.target, task.turns, 2))
+        return list(self.context.library.nearest_of_boundary(task.target, task.turns, 1))
 
     @cached_property
     def ends(self) -> list[Neighbour]:
-        """Throws of the library to be led to the target, the nearest first."""
-        inside = self._nearest(self.context.library, SETTINGS.leads, math.inf)
-        near = merge(self.boundary[:1], inside, key=lambda one: one.distance)
-        return list(islice(near, SETTINGS.leads))
+        """The nearest throws of the library, its boundary among them: those that are led to the
+        target, and one more."""
+        count = SETTINGS.leads + 1
+        inside = self._nearest(self.context.library, count, math.inf)
+        near = merge(self.boundary, inside, key=lambda one: one.distance)
+        return list(islice(near, count))
 
     @cached_property
     def arriving(self) -> Candidates:
@@ -205,7 +209,7 @@ class Search:
         is_arm = self.task.scene.robot is not None
         are_alike = is_arm and not self.is_sparse and self.are_alike(history)
         is_vain = least >= SETTINGS.same_distance and self.are_starts_vain(history)
-        is_vain = is_vain and (history.leads > 0 or self._is_new(history))
+        is_vain = is_vain and self._is_new(history)
         if not (are_alike or is_vain) or self._may_pass(history):
             return False
         sampled = [away for _, _, away in self.arriving.nearest]
@@ -219,18 +223,22 @@ class Search:
         return len(history.solves_from("samples")) >= starts
 
     def are_alike(self, history: History) -> bool:
-        """Whether the nearest landings agree, one of them new, or the nearest new ones do."""
+        """Whether the nearest landings agree, one of them new; or the nearest new ones do."""
         nearest: list[Attempt | Neighbour] = [*history.edges, *self._stored(history)]
         return self._is_new(history) and (self._agree(nearest) or self._agree(history.new_edges))
 
     def _is_new(self, history: History) -> bool:
         """Whether the nearest landing, or one about as near, is of a new throw.
 
-        Throws that are led come up to the limits themselves, nearer than what the NLP constrains.
+        Throws that are led come up to the limits themselves, nearer than what the NLP constrains:
+        beside them a new one farther on the same side counts.
         """
-        ratio = SETTINGS.led_ratio if history.leads else SETTINGS.equal_ratio
-        most = ratio * history.edges[0].missed if history.edges else 0.0
-        return any(one.missed <= most for one in history.new_edges)
+        if not history.new_edges:
+            return False
+        nearest, new = history.edges[0], history.new_edges[0]
+        is_near = new.missed <= SETTINGS.equal_ratio * nearest.missed
+        lever = self.task.scene.object.half_length
+        return is_near or (history.leads > 0 and on_one_side(new.miss, nearest.miss, lever))
 
     def _is_nearest(self, least: float, known: list[float]) -> bool:
         """Whether no known throw lands nearer to the target than `least` [m]."""
@@ -269,5 +277,6 @@ class Search:
 
     def remember(self, history: History) -> None:
         """Keeps the throws found, or the nearest landing, for later plans."""
-        for attempt in history.found or history.edges[:1]:
+        solved = (one for one in history.edges if one.throw is not None and one.throw.layout)
+        for attempt in history.found or islice(solved, 1):
             self.context.remember(attempt)

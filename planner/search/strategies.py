@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import islice
 
-from ...problems import Cost
+from ...problems import Cost, Pose
 from ..library import Neighbour
 from .attempt import Start
 from .candidates import MANY_STARTS, REGION_STARTS, STARTS, Candidates, release_start
@@ -77,7 +77,7 @@ def from_library(search: Search, history: History) -> Try | None:
     """
     if search.is_sparse or history.found or len(search.task.solvers) == 1:
         return None
-    if history.leads < len(search.ends):
+    if history.leads < min(SETTINGS.leads, len(search.ends)) and not search.task.target.is_region:
         return Lead(search.ends[history.leads])
     if search.blocked or search.is_settled(history):
         return None
@@ -145,16 +145,20 @@ def _by_solvers(search: Search, history: History, solvers: Sequence[str]) -> Try
 def _from_samples(
     search: Search, history: History, tables: Sequence[Candidates], solver: str, count: int
 ) -> Try | None:
-    """The next release that the solver did not start from, of `count` of each table."""
+    """The next release that the solver did not start from, of `count` of each table that those
+    before it do not have."""
     task, before = search.task, history.solves_from("samples")
     tried = {(one.release, one.start.goal) for one in before if one.start.solver == solver}
+    seen = set[tuple[bytes, Pose]]()
     for table in tables:
-        for index, goal, _ in table.different[: count * task.wanted]:
-            key = table.key(index)
-            if (key, goal) not in tried:
+        releases = ((i, goal, (table.key(i), goal)) for i, goal, _ in table.different)
+        new = (one for one in releases if one[2] not in seen)
+        for index, goal, key in list(islice(new, count * task.wanted)):
+            seen.add(key)
+            if key not in tried:
                 start = release_start(search.context.problems, task, table.releases, index, goal)
                 start = replace(start, solver=solver, refinement=search.refinement(history))
-                return Solve(start, "samples", key)
+                return Solve(start, "samples", key[0])
     return None
 
 

@@ -262,6 +262,7 @@ def _distance(name: str) -> Callable[[Finding], str]:
 #: Names of limits that differ from their code's.
 _LIMITS = {
     Code.CARRY: "grip while carrying",
+    Code.SLIP_BEFORE_OPENING: "grip while carrying",
     Code.COLUMN: "base column",
     Code.COLLISION: "obstacle",
     Code.CUP_MISSED: "cup depth",
