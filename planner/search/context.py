@@ -26,14 +26,14 @@ class SearchSettings:
     brought to it. approaches: solved throws brought as near to the target as limits allow; leads:
     of the library, moved towards it before. same_distance: a throw within it of one that is kept is
     not kept; without a library, a target within it of the nearest landing is not called out of
-    reach. A target is out of reach if there is a new nearest landing and `vain_starts` sampled
-    starts lead nowhere, of a hand `vain_hand_starts` (beside the reach of `hand-flip` 5 of 39
-    answers after 6 starts were false, none of 34 after 16; of landings that agree 4 of 34), or of
-    an arm with a library of `dense` throws or more if the nearest landing and another agree: their
-    distances are within a factor of `equal_ratio`, and they are nearer to each other than
-    `same_side` of that. Behind the base column the search ends after `equal_landings` approaches.
-    An approach that limits hold farther off than `hopeless` times the nearest landing ends. dense:
-    throws of a library whose reach is known by them; dense_in_x: with theta open.
+    reach. A target is out of reach if `vain_starts` sampled starts lead nowhere and a landing short
+    of it is new, of a hand `vain_hand_starts` (beside the reach of `hand-flip` 5 of 39 answers
+    after 6 starts were false, none of 34 after 16); of an arm with a library of `dense` throws or
+    more also if the nearest landing and another agree: their distances are within a factor of
+    `equal_ratio`, and they are nearer to each other than `same_side` of that (of a hand 4 of 34
+    such answers were false). Behind the base column the search ends after `equal_landings`
+    approaches. An approach that limits hold farther off than `hopeless` times the nearest landing
+    ends. dense: throws of a library whose reach is known by them; dense_in_x: with theta open.
     """
 
     moves: int = 4
@@ -46,7 +46,7 @@ class SearchSettings:
     approaches: int = 2
     leads: int = 3
     same_distance: float = 0.005
-    vain_starts: int = 8
+    vain_starts: int = 9
     vain_hand_starts: int = 16
     equal_landings: int = 2
     equal_ratio: float = 1.1

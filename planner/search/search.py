@@ -199,9 +199,9 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        Many sampled starts lead nowhere, or with a dense library the nearest landings agree; the
-        nearest, or one about as near, is new, as throws of earlier plans may be alike. No throw of
-        the library, nor a sampled one that arrives as a throw to the target would, lands nearer.
+        Many sampled starts lead nowhere, or of an arm with a dense library the nearest landings
+        agree; one of these is new, as throws of earlier plans may be alike. No throw of the library
+        that was not led, nor a sampled one that arrives as a throw to the target would, is nearer.
         """
         if not history.edges:
             return False

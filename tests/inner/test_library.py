@@ -461,6 +461,10 @@ def test_throws_that_growth_moved_land_where_they_say(
     planner = tp.Planner(tp.load_scene("pose"))
     assert planner.prepare(60) >= 60
     library, scene = planner.library, planner.scene
+    # A throw that was moved keeps the slope of the one it began with.
+    assert len(np.unique(library.records["slope"][library.records["solved"]], axis=0)) < len(
+        library
+    )
     x, theta, _ = library.landings(scene.target.z)
     for k in range(len(library)):
         planned, opening = library.controls.motion(library.optimum(k).u)
@@ -476,21 +480,36 @@ def test_beyond_the_reach_a_library_names_the_nearest(
     """With few NLPs, inside the base column without any; a search without it finds none nearer."""
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
     planner = tp.Planner(tp.load_scene("box"))
-    assert planner.prepare(120) >= 100
+    assert planner.prepare(150) >= 120
     alone, lever = tp.Planner("box", library=False), planner.scene.object.half_length
     x, theta, _ = planner.library.landings(planner.scene.target.z)
     for place in (0.03, 0.08, 2.2, -2.2):
         target = planner.scene.target.in_plane(place, None)
-        plan, other = planner.plan(target), alone.plan(target)
+        plan, other = (one.plan(target, patience=60.0) for one in (planner, alone))
         assert plan.status == other.status == "out_of_reach"
         if abs(place) < 0.1:
             assert plan.iterations == 0 and plan.binding == ("base column",)
         else:
-            assert plan.binding and plan.iterations < other.iterations / 2
+            assert plan.binding and plan.iterations < 300
         away, most = (target.distance(one.nearest, lever) for one in (plan, other))
         assert away < 1.1 * most
         assert away < 1.001 * planner.scene.object.pose_error(*target.miss(x, theta)).min()
         assert planner.plan(plan.nearest).solved
+
+
+@pytest.mark.slow
+def test_a_library_is_no_evidence_for_targets_of_another_kind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its throws with theta open show nothing of targets with an angle, which are searched for."""
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    planner = tp.Planner(tp.load_scene("box"))
+    assert planner.prepare(150) >= 120
+    alone, own = tp.Planner("box", library=False), planner.scene.target
+    for x, theta in ((0.9, 1.0), (1.2, -2.0), (2.3, 0.5)):
+        target = dataclasses.replace(own.in_plane(x, None), theta=theta)
+        plan, other = (one.plan(target, patience=60.0) for one in (planner, alone))
+        assert plan.status == other.status and plan.attempts == other.attempts
 
 
 def test_turns_alternatives_and_a_choice(prepared) -> None:
