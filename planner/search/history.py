@@ -75,7 +75,7 @@ class Approach:
 
 @dataclass(frozen=True)
 class Lead:
-    """Move a throw of the library towards the goal, as far as it breaks nothing."""
+    """Move a throw of the library towards the goal until it would break something."""
 
     near: Neighbour
 
