@@ -199,15 +199,17 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        Many sampled starts lead nowhere, or of an arm with a dense library the nearest landings
-        agree; one of these is new, as throws of earlier plans may be alike. No throw of the library
-        that was not led, nor a sampled one that arrives as a throw to the target would, is nearer.
+        Many sampled starts lead nowhere, or of an arm with a dense library one does and the nearest
+        landings agree; one of these is new, as throws of earlier plans may be alike. No throw of
+        the library that was not led, nor a sampled one that arrives as a throw to the target would,
+        is nearer.
         """
         if not history.edges:
             return False
         stored, least = self._stored(history), history.edges[0].missed
         is_arm = self.task.scene.robot is not None
-        are_alike = is_arm and not self.is_sparse and self.are_alike(history)
+        is_started = bool(history.solves_from("samples"))
+        are_alike = is_arm and is_started and not self.is_sparse and self.are_alike(history)
         is_vain = least >= SETTINGS.same_distance and self.are_starts_vain(history)
         is_vain = is_vain and self._is_new(history)
         if not (are_alike or is_vain) or self._may_pass(history):

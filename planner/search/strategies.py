@@ -79,7 +79,8 @@ def from_library(search: Search, history: History) -> Try | None:
         return None
     if history.leads < min(SETTINGS.leads, len(search.ends)) and not search.task.target.is_region:
         return Lead(search.ends[history.leads])
-    if search.blocked or search.is_settled(history):
+    # Where landings agree, a sampled start comes before a third approach.
+    if search.blocked or search.are_alike(history):
         return None
     return next(islice(search.stored, history.approaches, None), None)
 
