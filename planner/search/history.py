@@ -191,8 +191,10 @@ def _edges(entries: Iterable[Entry]) -> list[Attempt]:
     nearest = dict[object, Attempt]()
     for number, entry in enumerate(entries):
         edges = [one for one in entry.attempts if one.is_edge]
-        near = getattr(entry.done, "near", None) or getattr(entry.done, "source", None)
-        source = near.landing if isinstance(near, Neighbour) else number
+        source: object = number
+        match entry.done:
+            case Lead(near) | Approach(source=Neighbour() as near):
+                source = near.landing
         if source in nearest:
             edges.append(nearest[source])
         if edges:

@@ -59,14 +59,14 @@ class Corrector:
         goal, refinement, judged = near.goal, near.optimum.refinement, None
         reason = "a solved throw nearby does not move to the target"
         with task.clock("smooth"):
-            found, u = self._moved(near, task)
-        if found is not None:
+            throw, u = self._moved(near, task) or self._unmoved(near, task) or (None, None)
+        if throw is not None:
             with task.clock("check"):
-                judged = verdict(found.deciding, goal)
+                judged = verdict(throw.deciding, goal)
             reason = judged.words
-        return Attempt(goal, refinement, CORRECTOR, found, judged, reason, 0, 1), u
+        return Attempt(goal, refinement, CORRECTOR, throw, judged, reason, 0, 1), u
 
-    def _moved(self, near: Neighbour, task: Task) -> tuple[PlannedThrow, Array] | tuple[None, None]:
+    def _moved(self, near: Neighbour, task: Task) -> tuple[PlannedThrow, Array] | None:
         """The throw that lands at the goal, by the model that counts, and its `u`; None without."""
         move, found, optimum = self._fixed, self._buffers, near.optimum
         manipulator, goal = self.problems.manipulator, near.nearest
@@ -79,7 +79,7 @@ class Corrector:
         theta = 0.0 if goal.theta is None else goal.theta
         move.goal[:] = goal.plane_x - dx, goal.z, theta - dtheta
         if library().move_throw(move, found) <= 0:
-            return self._unmoved(near, task)
+            return None
         breaks, cubics = found.kept["breaks"].copy(), found.kept["cubics"].copy()
         nodes = found.kept["nodes_at"][: found.nodes]
         planned, release = Trajectory(breaks, cubics, breaks), Release.from_nodes(nodes)
@@ -94,22 +94,19 @@ class Corrector:
         throw = PlannedThrow(planned, thrown, effort, size, optimum.refinement, optimum=optimum)
         return throw, u
 
-    def _unmoved(
-        self, near: Neighbour, task: Task
-    ) -> tuple[PlannedThrow, Array] | tuple[None, None]:
+    def _unmoved(self, near: Neighbour, task: Task) -> tuple[PlannedThrow, Array] | None:
         """The throw as it is where that lands at the goal, smoothed to the limits by Ruckig."""
-        optimum, manipulator = near.optimum, self.problems.manipulator
-        if error_over(*near.miss, accuracy(self.problems.scene)) > 1.0:
-            return None, None
-        planned, opens = self.controls.motion(optimum.u)
+        manipulator = self.problems.manipulator
+        if error_over(*near.miss, accuracy(task.scene)) > 1.0:
+            return None
+        throw = throw_of(self.controls, manipulator, near.optimum, task)
         try:
-            samples = send(manipulator, planned)
+            samples = send(manipulator, throw.planned)
         except SmoothingError:
-            return None, None
-        thrown = Throw.sent(task.scene, manipulator, planned, samples, opens)
-        size, refinement = optimum.nlp_size, optimum.refinement
-        throw = PlannedThrow(planned, thrown, optimum.effort, size, refinement, optimum=optimum)
-        return throw, optimum.u
+            return None
+        opens = throw.opening_time
+        thrown = Throw.sent(task.scene, manipulator, throw.planned, samples, opens)
+        return replace(throw, deciding=thrown, optimum=near.optimum), near.optimum.u
 
     @cached_property
     def _fixed(self) -> MoveC:

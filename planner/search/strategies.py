@@ -80,7 +80,7 @@ def from_library(search: Search, history: History) -> Try | None:
     if history.leads < min(SETTINGS.leads, len(search.ends)) and not search.task.target.is_region:
         return Lead(search.ends[history.leads])
     # Where landings agree, a sampled start comes before a third approach.
-    if search.blocked or search.are_alike(history):
+    if search.blocked or search.are_alike(history) or search.is_settled(history):
         return None
     return next(islice(search.stored, history.approaches, None), None)
 

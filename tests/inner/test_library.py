@@ -42,6 +42,14 @@ def plain() -> tp.Planner:
     return tp.Planner(tp.load_scene("hand-flip"), library=False)
 
 
+@pytest.fixture(scope="module")
+def boxes() -> tp.Planner:
+    """A planner for bins, where theta is open: so many throws show how far its reach goes."""
+    planner = tp.Planner(tp.load_scene("box"))
+    assert planner.prepare(150) >= 120
+    return planner
+
+
 def targets(planner: tp.Planner, count: int, away: float = 0.0) -> list[tp.Pose]:
     """Poses so far [m, rad] beside throws of the library."""
     x, theta, _ = planner.library.landings(planner.scene.target.z)
@@ -462,9 +470,8 @@ def test_throws_that_growth_moved_land_where_they_say(
     assert planner.prepare(60) >= 60
     library, scene = planner.library, planner.scene
     # A throw that was moved keeps the slope of the one it began with.
-    assert len(np.unique(library.records["slope"][library.records["solved"]], axis=0)) < len(
-        library
-    )
+    slopes = library.records["slope"][library.records["solved"]]
+    assert len(np.unique(slopes, axis=0)) < len(slopes)
     x, theta, _ = library.landings(scene.target.z)
     for k in range(len(library)):
         planned, opening = library.controls.motion(library.optimum(k).u)
@@ -474,14 +481,10 @@ def test_throws_that_growth_moved_land_where_they_say(
 
 
 @pytest.mark.slow
-def test_beyond_the_reach_a_library_names_the_nearest(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_beyond_the_reach_a_library_names_the_nearest(boxes: tp.Planner) -> None:
     """With few NLPs, inside the base column without any; a search without it finds none nearer."""
-    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
-    planner = tp.Planner(tp.load_scene("box"))
-    assert planner.prepare(150) >= 120
-    alone, lever = tp.Planner("box", library=False), planner.scene.object.half_length
+    planner, alone = boxes, tp.Planner("box", library=False)
+    lever = planner.scene.object.half_length
     x, theta, _ = planner.library.landings(planner.scene.target.z)
     for place in (0.03, 0.08, 2.2, -2.2):
         target = planner.scene.target.in_plane(place, None)
@@ -498,17 +501,12 @@ def test_beyond_the_reach_a_library_names_the_nearest(
 
 
 @pytest.mark.slow
-def test_a_library_is_no_evidence_for_targets_of_another_kind(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_library_is_no_evidence_for_targets_of_another_kind(boxes: tp.Planner) -> None:
     """Its throws with theta open show nothing of targets with an angle, which are searched for."""
-    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
-    planner = tp.Planner(tp.load_scene("box"))
-    assert planner.prepare(150) >= 120
-    alone, own = tp.Planner("box", library=False), planner.scene.target
+    alone, own = tp.Planner("box", library=False), boxes.scene.target
     for x, theta in ((0.9, 1.0), (1.2, -2.0), (2.3, 0.5)):
         target = dataclasses.replace(own.in_plane(x, None), theta=theta)
-        plan, other = (one.plan(target, patience=60.0) for one in (planner, alone))
+        plan, other = (one.plan(target, patience=60.0) for one in (boxes, alone))
         assert plan.status == other.status and plan.attempts == other.attempts
 
 
