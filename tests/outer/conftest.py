@@ -37,10 +37,13 @@ def _no_constant(name: str) -> NoReturn:
 
 @pytest.fixture
 def interruptible() -> Iterator[None]:
-    """A shell's background job ignores interrupts, and would hand that on."""
+    """A shell's background job ignores interrupts, under nohup hangups too, and would hand that
+    on."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    hangup = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGINT, before)
+    signal.signal(signal.SIGHUP, hangup)
 
 
 @pytest.fixture
