@@ -264,7 +264,6 @@ _LIMITS = {
     Code.CARRY: "grip while carrying",
     Code.SLIP_BEFORE_OPENING: "grip while carrying",
     Code.COLUMN: "base column",
-    Code.COLLISION: "obstacle",
     Code.CUP_MISSED: "cup depth",
     Code.CUP_WALL: "cup clearance",
 }

@@ -154,7 +154,7 @@ def _avoid_planes(node: Node, ends: Sequence[tuple[ca.SX, ca.SX]], planes: ca.SX
         for (x, z), offset in zip(ends, (plane[2], plane[3]), strict=True):
             # An empty plane's offset is far below the margin.
             clearance = plane[0] * x + plane[1] * z - offset - node.p("clear_margin")
-            node.subject_to("obstacle", clearance, low=0.0)
+            node.subject_to("collision", clearance, low=0.0)
 
 
 def _bar(held: Instant) -> list[list[tuple[ca.SX, float, ca.SX]]]:
