@@ -33,10 +33,9 @@ SolverName = Literal["auto", "fatrop", "ipopt"]
 MOST_ALTERNATIVES = 20
 #: Random states of the table of sampled releases.
 SAMPLES = 20_000
-#: Default patience [s] of a plan of one throw.
-PATIENCE = 3.0
-#: Default patience [s] of a robust plan.
-ROBUST_PATIENCE = 6.0
+#: Default patience [s] of a plan of one throw. A process's first answer that a target is out of
+#: reach takes up to 4 s, as nothing is machine code yet.
+PATIENCE = 6.0
 #: Patience [s] of the choice of the throw that stays.
 REST_PATIENCE = 5.0
 #: Default patience [s] of a plan with several throws.
@@ -120,7 +119,7 @@ class Planner:
         turns: 'any' takes theta modulo full turns. warm: a solved plan of this scene for a target
         nearby. alternatives: number of further throws to look for, each different, for
         `Plan.alternatives`. robust: a method of [robust], instead of the scene's. patience [s]:
-        time limit, without building; by default 3 s, 6 s for a robust throw, 20 s for several.
+        time limit, without building; by default 6 s, 20 s for several throws.
         start: a state of motion in which the throw begins at its time 0, instead of the scene's
         start; `warm` is then a plan whose motion passes that state.
         """
@@ -137,7 +136,8 @@ class Planner:
             raise InputError("start: a robust plan begins at rest")
         wanted = self._wanted(alternatives)
         solvers = ("fatrop", "ipopt") if solver == "auto" else (solver,)
-        clock = Clock.lasting(_usual_patience(method, wanted) if patience is None else patience)
+        usual = LONG_PATIENCE if wanted > 1 and not method else PATIENCE
+        clock = Clock.lasting(usual if patience is None else patience)
         task = Task(self.scene.aimed_at(target), target, solvers, clock, turns, wanted)
         built, self._build_time = self._build_time, 0.0
         context, at_rest = self._context, start is None
@@ -315,13 +315,6 @@ class Planner:
         """Number of distinct throws to find before one is chosen."""
         choice = self.scene.choice
         return max(1 if choice is None else choice.among, 1 + alternatives)
-
-
-def _usual_patience(method: str, wanted: int) -> float:
-    """Default patience [s] of a robust plan, or of a plan of `wanted` throws."""
-    if method:
-        return ROBUST_PATIENCE
-    return LONG_PATIENCE if wanted > 1 else PATIENCE
 
 
 class Options(TypedDict, total=False):

@@ -123,7 +123,7 @@ def plan_arguments(add: Add) -> None:
     words = "also list up to N different throws to the target"
     kind = integer(0, MOST_ALTERNATIVES)
     add("--alternatives", type=kind, metavar="N", default=0, help=words)
-    add_patience(add, "3 s; 6 s for a robust one, 20 s for several")
+    add_patience(add, "6 s, 20 s for several throws")
     add_out(add, "plan.json, motion.csv, throw.png and throw.gif")
 
 
