@@ -144,11 +144,9 @@ def _failed_plan(search: Search, history: History) -> Plan:
     """No throw found: out of reach with the nearest landing that is possible, or not converged."""
     task = search.task
     if not search.candidates.nearest:
-        far, pose, words = highest(search.candidates.releases, task.target, task.scene.flight)
-        binding = (HEIGHT,)
-        return unsolved_plan(
-            search, history, words, out_of_reach=far, nearest=pose, binding=binding
-        )
+        # The top of a sampled throw is no landing that a plan could throw to.
+        far, _, words = highest(search.candidates.releases, task.target.z, task.scene.flight)
+        return unsolved_plan(search, history, words, out_of_reach=far, binding=(HEIGHT,))
     edge = history.edges[0].edge if history.edges else None
     if edge is not None and search.is_nearest_possible(history):
         if search.blocked:
@@ -232,12 +230,13 @@ def _words(name: str, bound: float | None, values: Array, unit: str) -> str:
 def _nothing_found(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bool) -> str:
     """Why there is no throw, in words: how many attempts there were, and what they broke."""
     if not tried:
-        begun = "time was over before the first attempt"
-        words = f"no throw found: {begun if late else 'no feasible release to start from'}"
-    else:
-        words = f"no throw found in {len(tried)} attempts"
-        if len(broken) < len(tried):
-            words += f": {len(tried) - len(broken)} led to no motion that keeps all constraints"
-        if broken:
-            words += f"; what a throw broke: {broken[0].reason}"
+        return "no throw found: time was over before the first attempt; more patience may help"
+    words, vain = (
+        f"no throw found in {len(tried)} attempts",
+        sum(one.throw is None for one in tried),
+    )
+    if vain:
+        words += f": {vain} led to no motion that keeps all constraints"
+    if broken:
+        words += f"; what a throw broke: {broken[0].reason}"
     return words + ("; time is over, more patience may help" if late else "")

@@ -76,7 +76,7 @@ class Scene(Section):
         manipulator = "hand" if self.hand else self.arm.name if self.arm else "given motion"
         return f"Scene({self.name}: {manipulator}, {bar.mass:g} kg bar of {bar.length:g} m{target})"
 
-    @property
+    @functools.cached_property
     def weights(self) -> Cost:
         """The weights in the optimisation: [cost], else those for little time if that is chosen."""
         is_fast = self.choice is not None and self.choice.by == "time"

@@ -206,8 +206,9 @@ def nearest_landings(
 def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     """The folder of a scene's library with records of this kind; None without a cache folder.
 
-    The target's place, [cost], [choice], [robust], [rest] and [calibration], obstacles, and the
-    object's mesh do not enter the name: throws of one library serve any of them.
+    The target's x and angle, [cost], [choice], [robust], [rest] and [calibration], obstacles, and
+    the object's mesh do not enter the name: throws of one library serve any of them. Its height
+    does, and whether the angle is open.
     """
     cache = cache_folder()
     if cache is None:

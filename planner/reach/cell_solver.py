@@ -39,15 +39,12 @@ class SolverSettings:
 
     patience [s]: longest time for one cell. max_distance [m]: a throw with a larger pose error is
     not moved along its slope. max_moves: a throw is moved along its slope from cell to cell at most
-    this often; then the NLP is solved. max_starts: sampled releases that a throw is solved from;
-    edge_starts: before a cell counts as beyond the boundary, of those that differ.
+    this often; then the NLP is solved.
     """
 
     patience: float = 3.0
     max_distance: float = 0.15
     max_moves: int = 2
-    max_starts: int = 2
-    edge_starts: int = 3
 
 
 SETTINGS = SolverSettings()

@@ -33,7 +33,6 @@ from .cell_solver import (
     CellSolver,
     CellTask,
     KnownThrow,
-    SolverSettings,
     first_refinement,
     solve_in_worker,
 )
@@ -46,21 +45,24 @@ class GrowthSettings:
 
     seeds: cells solved from sampled releases; late_seeds: at the end, of cells that random throws
     hit and that no neighbour led to. max_failures: neighbours from which a cell is tried before it
-    counts as beyond the boundary; edge_sources: from which it is then approached. batch: cells in
-    one job of an executor. save_every [s]: longest time of work that a killed process loses.
-    few: fewer throws than this are solved by this process alone, since others take seconds to
-    start; processes: by default for more. overshoot: where the reach is larger than random throws
-    let it seem, at most this share of the throws asked for is solved; enough: where it is smaller,
-    this share suffices. cheaper: a cell is solved
-    again from a neighbour whose slope predicts an effort below this share of the cell's own.
-    max_rounds: how often cells are made finer where they hold fewer throws than asked for, and
-    finer_by: for this share of what is asked, since some finer cells lie beyond the edge.
+    counts as beyond the boundary; edge_sources: from which it is then approached. max_starts:
+    sampled releases that a seed is solved from; edge_starts: before a cell counts as beyond the
+    boundary, of those that differ. batch: cells in one job of an executor. save_every [s]: longest
+    time of work that a killed process loses. few: fewer throws than this are solved by this process
+    alone, since others take seconds to start; processes: by default for more. overshoot: where the
+    reach is larger than random throws let it seem, at most this share of the throws asked for is
+    solved; enough: where it is smaller, this share suffices. cheaper: a cell is solved again from a
+    neighbour whose slope predicts an effort below this share of the cell's own. max_rounds: how
+    often cells are made finer where they hold fewer throws than asked for, and finer_by: for this
+    share of what is asked, since some finer cells lie beyond the edge.
     """
 
     seeds: int = 24
     late_seeds: int = 24
     max_failures: int = 2
     edge_sources: int = 2
+    max_starts: int = 2
+    edge_starts: int = 3
     batch: int = 8
     save_every: float = 5.0
     few: int = 400
@@ -261,16 +263,16 @@ class LibraryBuilder:
 
     def _different_releases(self, goal: Pose) -> Releases:
         """Sampled releases that land near the goal and differ."""
-        problems, solver = self._solver.problems, SolverSettings()
+        problems = self._solver.problems
         task = Task(problems.scene.aimed_at(goal), goal)
         found = Candidates(self._releases, task, problems.manipulator).different
-        chosen = [index for index, _, _ in found[: solver.edge_starts]]
+        chosen = [index for index, _, _ in found[: SETTINGS.edge_starts]]
         return self._releases.picked(np.array(chosen, int))
 
     def _releases_near(self, cell: Cell) -> Releases:
         """The sampled releases that land nearest to a cell's middle."""
         goal, scene = self._cells.middle(cell, self._target), self._solver.problems.scene
-        nearest = starts(self._releases, scene, goal, "exact", SolverSettings().max_starts)
+        nearest = starts(self._releases, scene, goal, "exact", SETTINGS.max_starts)
         return self._releases.picked(np.array([index for index, _, _ in nearest], int))
 
     def _unsolved_hits(self) -> list[Cell]:

@@ -75,8 +75,7 @@ def reach_map(
         down += int(landed.sum())
         if not down:
             for part in drawn:
-                _, pose, words = highest(part, target, scene.flight)
-                rise = max(rise, (-math.inf if pose is None else pose.z, words))
+                rise = max(rise, highest(part, height, scene.flight)[1:])
         thrown, x, theta, time = thrown.picked(landed), x[landed], theta[landed], time[landed]
         good = allowed(scene, manipulator, thrown, time)
         good &= lands_well(aimed, thrown.detach, np.column_stack([x, theta, time]), CUP_MARGIN)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -77,20 +78,17 @@ def starts(
     return nearest_landings(scene, target, turns, landings, count)
 
 
-def highest(releases: Releases, target: Pose, flight: FlightLaw) -> tuple[bool, Pose | None, str]:
-    """The highest apex, if no sampled release lands at the target's height.
+def highest(releases: Releases, z: float, flight: FlightLaw) -> tuple[bool, float, str]:
+    """The highest apex, if no sampled release lands at a height z [m].
 
-    Returns whether the target is out of reach above it, the pose at the apex, and words.
+    Returns whether z is out of reach above it, the height of the apex [m], and words.
     """
     if len(releases.q) == 0:
-        return False, None, "no throw found: no sampled release keeps limits and grip"
-    x, apex, theta = flight.apex(FlightState(*releases.detach.T)).pose
-    i = int(np.argmax(apex))
-    angle = None if target.theta is None else float(theta[i])
-    pose = replace(target.in_plane(float(x[i]), angle), z=float(apex[i]))
-    far = bool(target.z > apex[i] + HEIGHT_ROOM)
+        return False, -math.inf, "no throw found: no sampled release keeps limits and grip"
+    apex = float(flight.apex(FlightState(*releases.detach.T)).pose[1].max())
+    far = z > apex + HEIGHT_ROOM
     kind = "out of reach" if far else "no throw found"
-    if target.z <= apex[i]:
-        return far, pose, f"{kind}: no sampled release comes down through z {target.z:g} m"
-    apex_words = f"at most about {apex[i]:.2f} m"
-    return far, pose, f"{kind}: no sampled release rises to z {target.z:g} m, {apex_words}"
+    if z <= apex:
+        return far, apex, f"{kind}: no sampled release comes down through z {z:g} m"
+    words = f"{kind}: no sampled release rises to z {z:g} m, at most about {apex:.2f} m"
+    return far, apex, words

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...problems import Pose
 from ..library import Neighbour
-from ..ocp import BASE, Refinement
+from ..ocp import Refinement
 from ..result import PlannedThrow
 from ..uncertainty import landing_spread
 from .attempt import Attempt, Start
@@ -169,7 +169,7 @@ class History:
         """The solves from starts of an origin."""
         return [one for one in self.tries if isinstance(one, Solve) and one.origin == origin]
 
-    def refinement(self, first: Refinement = BASE) -> Refinement:
+    def refinement(self, first: Refinement) -> Refinement:
         """Refinement of the next NLP from another motion, by what the checks found broken."""
         refinement = first
         for entry in self.entries:

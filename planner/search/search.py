@@ -137,10 +137,12 @@ class Search:
             light = far == math.inf and task.scene.cup is not None and not self.blocked
             others.append(Approach(goal, start, far, light=light, turns=turns))
         others.sort(key=attrgetter("away"))  # One that breaks something where it lands comes last.
+        if self.blocked:
+            return [*others, *self.stored]
         nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
-        others += [] if self.blocked else (replace(one, light=False) for one in nearest)
-        last = self.blocked or self.is_sparse
-        return [*others, *self.stored] if last else [*self.stored, *others]
+        last = [replace(one, light=False) for one in nearest]
+        between = [others, self.stored] if self.is_sparse else [self.stored, others]
+        return [*between[0], *between[1], *last]
 
     @cached_property
     def again(self) -> list[Approach]:

@@ -94,7 +94,7 @@ def from_beside(search: Search, history: History) -> Try | None:
     enough = history.found or search.is_settled(history)
     enough = enough or (search.are_alike(history) and not search.are_starts_vain(history))
     is_known = bool(history.leads and history.edges)
-    is_given_up = search.blocked and (is_known or number == SETTINGS.equal_landings)
+    is_given_up = search.blocked and (is_known or number == SETTINGS.column_approaches)
     if enough or is_given_up or not search.candidates.nearest:
         return None
     return next(islice(search.approaches, number, None), None)
@@ -165,7 +165,7 @@ def _from_samples(
 
 #: Strategies that start from solved throws, in the order of tries.
 FROM_THROWS: tuple[Strategy, ...] = (from_neighbours, from_warm_plan)
-#: Strategies that need no solved throw, in the order of tries.
+#: Strategies after these, in the order of tries.
 FROM_NOTHING: tuple[Strategy, ...] = (
     from_library,
     from_nearest_samples,
