@@ -137,7 +137,7 @@ def _starts(search: Search, plan: Plan) -> Iterator[Start]:
     guess = partial(initial_guess_from, throw=throw, request=request)
     for refinement in refinements:
         yield Start(task.target, guess, task.solvers[0], refinement, tries=4)
-    releases = search.arriving.releases
+    releases = search.candidates.arriving.releases
     found = starts(releases, task.scene, task.target, task.turns, SETTINGS.nearest)
     if not found:
         return
@@ -152,7 +152,7 @@ def _starts(search: Search, plan: Plan) -> Iterator[Start]:
 
 def _moved(search: Search, indices: Indices, aims: Sequence[Pose]) -> tuple[Array, list[Pose]]:
     """States at detach (N, 6) of releases, moved so that they land at their aims, and where."""
-    task, releases = search.task, search.arriving.releases
+    task, releases = search.task, search.candidates.arriving.releases
     detach = releases.detach[indices].copy()
     # These flights begin as at the pads: without the bias of [calibration].
     landing = FlightLaw(task.scene.gravity).land(detach, task.target.z)

@@ -5,7 +5,6 @@ from .bodies import (
     LANDING,
     Clearance,
     CollisionScene,
-    KeepOut,
     SweptBodies,
     bar_radii,
     bar_room,

@@ -122,16 +122,12 @@ class Library:
                 (self.folder / part).unlink()
         self._parts = {name: self.records}
 
-    def record(
-        self,
-        optimum: Optimum,
-        landing: tuple[float, float],
-        *,
-        solved: bool = False,
-        boundary: bool = False,
-    ) -> Records:
-        """The record of a throw that lands there, or of a landing that none was found for."""
-        return record_of(self._type, optimum, landing, solved=solved, boundary=boundary)
+    def record(self, optimum: Optimum, landing: tuple[float, float], **kind: bool) -> Records:
+        """The record of a throw that lands there, or of a landing that none was found for.
+
+        kind: `solved` or `boundary`.
+        """
+        return record_of(self._type, optimum, landing, **kind)
 
     def optimum(self, index: int) -> Optimum:
         """The solved throw of that number."""

@@ -20,13 +20,4 @@ from .contact_model import (
     pose_of,
     set_contacts,
 )
-from .rollouts import (
-    Ends,
-    RestMotion,
-    enters_cup,
-    entry_states,
-    is_in_cup,
-    is_still,
-    rest_motion,
-    roll_to_rest,
-)
+from .rollouts import Ends, enters_cup, entry_states, is_in_cup, is_still, rest_motion, roll_to_rest

@@ -13,6 +13,5 @@ from .gripper_delay import GripperDelay, measure_gripper
 from .learning import corrected
 from .motions import JointMotion, joint_motion
 from .mujoco_replay import Replay, replay, throw_to_rest, view
-from .mujoco_throw import ReplayEnd
 from .recording import Recording, read_recording
 from .watch import find_stops

@@ -191,13 +191,13 @@ def attempts(problems: NlpCache, start: Start, task: Task) -> list[Attempt]:
         if start.light and after.costly:
             break
         request = Request(task.scene, problems.manipulator, robust=start.robust)
-        guess = start.guess if start.again else partial(_guess_from, throw, request)
+        guess = (
+            start.guess
+            if start.again
+            else partial(initial_guess_from, throw=throw, request=request)
+        )
         refinement = after
     return made
-
-
-def _guess_from(throw: PlannedThrow, request: Request, nlp: ThrowNlp) -> Array:
-    return initial_guess_from(nlp, throw, request)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from ..result import PlannedThrow
 from ..throw import TICK, Manipulator, Samples, SmoothingError, Throw, case_of, send
 from ..verdict import verdict
 from .attempt import Attempt, Start, accuracy, error_over
-from .guess import initial_guess_from
+from .guess import guess_of
 from .nlp_cache import CompiledNlp, NlpCache, Task
 
 #: Most NLPs solved from an optimum, each refined by the check of the one before.
@@ -166,10 +166,9 @@ def moved_start(
 ) -> Start:
     """A start for a solver from an optimum that lands near `goal`."""
     throw = throw_of(controls, manipulator, optimum, task)
-    request = Request(task.scene, manipulator)
     return Start(
         goal,
-        lambda nlp: initial_guess_from(nlp, throw, request),
+        guess_of(throw, task.scene),
         task.solvers[0],
         refinement=optimum.refinement,
         tries=TRIES,

@@ -193,11 +193,6 @@ class Search:
         near = merge(self.boundary, inside, key=lambda one: one.distance)
         return list(islice(near, count))
 
-    @cached_property
-    def arriving(self) -> Candidates:
-        """The table's releases that arrive as a throw to the target would."""
-        return self.candidates.arriving
-
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
@@ -216,7 +211,7 @@ class Search:
         is_vain = is_vain and self._is_new(history)
         if not (are_alike or is_vain) or self._may_pass(history):
             return False
-        sampled = [away for _, _, away in self.arriving.nearest]
+        sampled = [away for _, _, away in self.candidates.arriving.nearest]
         return self._is_nearest(least, [one.distance for one in stored] + sampled)
 
     def are_starts_vain(self, history: History) -> bool:

@@ -65,7 +65,7 @@ def from_nearest_samples(search: Search, history: History) -> Try | None:
     count = REGION_STARTS if compares else SETTINGS.first_starts
     solver, few = search.task.solvers[0], SETTINGS.first_starts
     nearest = _from_samples(search, history, (search.candidates,), solver, count)
-    return nearest or _from_samples(search, history, (search.arriving,), solver, few)
+    return nearest or _from_samples(search, history, (search.candidates.arriving,), solver, few)
 
 
 def from_library(search: Search, history: History) -> Try | None:
@@ -136,7 +136,7 @@ def from_samples_again(search: Search, history: History) -> Try | None:
 def _by_solvers(search: Search, history: History, solvers: Sequence[str]) -> Try | None:
     if search.blocked or search.is_settled(history):
         return None
-    tables, scene = (search.arriving, search.candidates), search.task.scene
+    tables, scene = (search.candidates.arriving, search.candidates), search.task.scene
     starts = MANY_STARTS if scene.obstacle or scene.robot is None else STARTS
     counts = [(solver, count) for solver, count in starts if solver in solvers]
     tries = (_from_samples(search, history, tables, *one) for one in counts)

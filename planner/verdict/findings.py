@@ -138,7 +138,8 @@ class Finding:
     @property
     def words(self) -> str:
         """The finding as a sentence."""
-        return _SENTENCES[self.code](self)
+        words = _SENTENCES.get(self.code)
+        return self.note if words is None else words(self)
 
     @property
     def limit_name(self) -> str:
@@ -268,6 +269,7 @@ _LIMITS = {
     Code.CUP_WALL: "cup clearance",
 }
 _OF_A_JOINT = {*JOINT_LIMITS.values(), Code.TORQUE}
+#: Sentences of the codes; a finding of another code has its sentence in its note.
 _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     Code.LANDING: _landing,
     Code.NO_LANDING: lambda f: "the object never falls to the target's height",
@@ -278,7 +280,6 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     Code.LANDING_SPEED: _bound("landing speed", "m/s"),
     Code.LANDING_RATE: _bound("landing rate", "rad/s"),
     Code.ARRIVAL: lambda f: f"arrival: lands at {f.value:.3f} s, must be at most {f.limit:g} s",
-    Code.RELEASE: lambda f: f.note,
     Code.SLIP_BEFORE_OPENING: lambda f: (
         f"slips under full grip before the opening: {100 * f.value:.0f} % of the friction limit"
         f"{_at(f)}"
@@ -309,8 +310,4 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     Code.CUP_WALL: lambda f: (
         f"cup clearance: {1e3 * f.value:.1f} mm, must be at least {1e3 * f.limit:g} mm"
     ),
-    Code.MODELS_DIFFER: lambda f: f.note,
-    Code.REST: lambda f: f.note,
-    Code.CALIBRATION: lambda f: f.note,
-    Code.UNCERTAIN: lambda f: f.note,
 }
