@@ -215,6 +215,16 @@ def test_out_of_reach_exits_3_with_why_and_the_nearest(tmp_path, run) -> None:
     assert json.loads((out / "plan.json").read_text())["message"] == answer["message"]
 
 
+def test_above_all_throws_no_landing_is_named(hand_box) -> None:
+    """The hand rises to 1.1 m at most and throws 3 m/s up: 1.56 m is the highest of all."""
+    high = hand_box.plan(tp.Pose(x=1.2, z=1.9))
+    assert (high.status, high.binding, high.nearest) == ("out_of_reach", ("landing height",), None)
+    highest = float(high.message.split("at most about ")[1].split(" m")[0])
+    assert 1.2 < highest < 1.57
+    # Another throw may rise a little higher than the samples do.
+    assert hand_box.plan(tp.Pose(x=1.2, z=highest + 0.1)).status == "not_converged"
+
+
 def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
     far = hand_box.plan(tp.Pose(x=5.0, z=0.0))
     assert far.status == "out_of_reach"
