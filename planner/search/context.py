@@ -26,7 +26,8 @@ class SearchSettings:
     brought to it; also throws of the library that are brought near with all constraints.
     approaches: solved throws brought as near to the target as limits allow; leads: of the library,
     moved towards it before. same_distance: a throw within it of one that is kept is not kept; a
-    target within it of the nearest landing is not called out of reach for starts that lead nowhere.
+    target within it of the nearest landing is not called out of reach for starts that lead nowhere;
+    with a cup within `cup_distance`, as one of two such answers over the map of `cup` was false.
     A target is out of reach if `vain_starts` sampled starts lead nowhere and a landing short of it
     is new, of a hand `vain_hand_starts` (beside the reach of `hand-flip` 5 of 39 answers after 6
     starts were false, none of 34 after 16); of an arm with a library of `dense` throws or more also
@@ -48,6 +49,7 @@ class SearchSettings:
     approaches: int = 2
     leads: int = 3
     same_distance: float = 0.005
+    cup_distance: float = 0.015
     vain_starts: int = 9
     vain_hand_starts: int = 16
     column_approaches: int = 2

@@ -207,12 +207,17 @@ class Search:
         is_arm = self.task.scene.robot is not None
         is_started = bool(history.solves_from("samples"))
         are_alike = is_arm and is_started and not self.is_sparse and self.are_alike(history)
-        is_vain = least >= SETTINGS.same_distance and self.are_starts_vain(history)
+        is_vain = least >= self.sure_distance and self.are_starts_vain(history)
         is_vain = is_vain and self._is_new(history)
         if not (are_alike or is_vain) or self._may_pass(history):
             return False
         sampled = [away for _, _, away in self.candidates.arriving.nearest]
         return self._is_nearest(least, [one.distance for one in stored] + sampled)
+
+    @property
+    def sure_distance(self) -> float:
+        """Least pose error [m] of the nearest landing for which vain starts are evidence."""
+        return SETTINGS.same_distance if self.task.scene.cup is None else SETTINGS.cup_distance
 
     def are_starts_vain(self, history: History) -> bool:
         """Whether many sampled starts led nowhere."""
@@ -259,7 +264,7 @@ class Search:
         show nothing, and no throw of the library may land nearer.
         """
         least = history.edges[0].missed
-        ended = least >= SETTINGS.same_distance and bool(history.new_edges)
+        ended = least >= self.sure_distance and bool(history.new_edges)
         ended = ended and not self.task.clock.late
         is_nearest = self._is_nearest(least, [one.distance for one in self._stored(history)])
         ends = (self.blocked or ended) and is_nearest and not self._may_pass(history)

@@ -184,6 +184,13 @@ def test_a_corner_cut_between_two_nodes_takes_a_margin_and_no_more_rows() -> Non
     assert plan.throw.refinement.margins["held"] > 0.0 and plan.throw.layout.structure.instants == 2
 
 
+@pytest.mark.slow
+def test_a_centimetre_off_into_a_cup_vain_starts_are_no_evidence(cup) -> None:
+    """Nine starts lead nowhere, but a throw that is moved here from another target lands."""
+    plan = cup.plan(cup.scene.target.in_plane(-1.12910206, math.radians(127.80228)), patience=90.0)
+    assert plan.status != "out_of_reach"
+
+
 # Several throws, warm plans, models.
 
 
