@@ -111,7 +111,7 @@ def _often(folder: Path) -> Iterator[str]:
             "over what is in reach, up to its edge; some are just out of reach. A target counts as "
             "solved if the motion that is sent breaks no limit of the arm and lands within the "
             "scene's tolerance (mostly 2 mm and 0.5°) by the limit surface. `throwplan prepare` "
-            "solves throws ahead. A target out of reach takes the longest: up to 3 s."
+            "solves throws ahead. A target out of reach takes the longest: up to 6 s."
         )
         yield "\n".join(Table("often", "", table).markdown())
 

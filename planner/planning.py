@@ -145,8 +145,10 @@ def _failed_plan(search: Search, history: History) -> Plan:
     task = search.task
     if not search.candidates.nearest:
         # The top of a sampled throw is no landing that a plan could throw to.
-        far, _, words = highest(search.candidates.releases, task.target.z, task.scene.flight)
-        return unsolved_plan(search, history, words, out_of_reach=far, binding=(HEIGHT,))
+        z = task.target.z
+        far, apex, words = highest(search.candidates.releases, z, task.scene.flight)
+        binding = (HEIGHT,) if -math.inf < apex < z else ()
+        return unsolved_plan(search, history, words, out_of_reach=far, binding=binding)
     edge = history.edges[0].edge if history.edges else None
     if edge is not None and search.is_nearest_possible(history):
         if search.blocked:
@@ -231,10 +233,8 @@ def _nothing_found(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bo
     """Why there is no throw, in words: how many attempts there were, and what they broke."""
     if not tried:
         return "no throw found: time was over before the first attempt; more patience may help"
-    words, vain = (
-        f"no throw found in {len(tried)} attempts",
-        sum(one.throw is None for one in tried),
-    )
+    words = f"no throw found in {len(tried)} attempts"
+    vain = sum(one.throw is None for one in tried)
     if vain:
         words += f": {vain} led to no motion that keeps all constraints"
     if broken:

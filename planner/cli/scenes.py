@@ -309,7 +309,7 @@ def sweep_arguments(add: Add) -> None:
     add("scene", metavar="SCENE", help="a built-in scene, a TOML file, or the folder of a plan")
     add_target(add)
     add("--robust", choices=Robust.METHODS, help="plan against the uncertainty")
-    add_patience(add, "3 s; 6 s for a robust one")
+    add_patience(add, "6 s")
     names = f"release model: {', '.join(BATCH_MODELS)} (default: the scene's [tolerance] model)"
     add("--model", default="", metavar="NAME", help=names)
     add("--samples", type=integer(), metavar="N", default=1000, help="throws (default: 1000)")

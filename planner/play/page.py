@@ -15,7 +15,7 @@ import numpy as np
 
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import InputError, Pose, Scene
-from ..planner import PATIENCE, Planner
+from ..planner import Planner
 from ..reach import ReachMap, reach_map
 from ..result import Plan, check_overwrites, throw_of
 from ..show import RED, Panel, space_throw
@@ -37,7 +37,8 @@ from .latest_only import LatestOnlyWorker, OutdatedError
 class PageSettings:
     """Settings of the page.
 
-    quick_patience [s]: of a plan while the target may still move. close_time [s]: longest wait for
+    quick_patience [s]: of a plan while the target may still move; patience [s]: once it does not,
+    as no plan can be interrupted. close_time [s]: longest wait for
     current work when the page closes. slider_range: of friction and opening time, as shares of the
     scene's values. longest_delay [ms]: of the slider. samples: sampled throws of a map.
     unreachable [m]: distance beyond every throw, whose nearest landing is the edge of the reach.
@@ -45,6 +46,7 @@ class PageSettings:
     """
 
     quick_patience: float = 0.5
+    patience: float = 3.0
     close_time: float = 1.0
     slider_range: tuple[float, float] = (0.5, 1.5)
     longest_delay: float = 30.0
@@ -213,7 +215,7 @@ class PlayPage:
             done = plan.solved and plan.robust != "nominal"
             if not done and not self.plans.waiting:
                 self.strip.content = "planning..."
-                plan = plan_for(patience=PATIENCE)
+                plan = plan_for(patience=SETTINGS.patience)
         except InputError as error:
             self.strip.content = f"**wrong input**: {error}"
             return

@@ -120,8 +120,11 @@ class Search:
 
     @cached_property
     def approaches(self) -> list[Approach]:
-        """Approaches from the library, then from what lands nearest: throws of earlier plans and
-        samples; last from the nearest of the library with all that constraints cost."""
+        """Approaches, in order.
+
+        From a large library; then from the nearest throws of earlier plans and samples; then from a
+        small library; last from its nearest throw with all that constraints cost.
+        """
         task, context = self.task, self.context
         others = list[Approach]()
         if len(task.solvers) > 1:
@@ -141,8 +144,9 @@ class Search:
             return [*others, *self.stored]
         nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
         last = [replace(one, light=False) for one in nearest]
-        between = [others, self.stored] if self.is_sparse else [self.stored, others]
-        return [*between[0], *between[1], *last]
+        if self.is_sparse:
+            return [*others, *self.stored, *last]
+        return [*self.stored, *others, *last]
 
     @cached_property
     def again(self) -> list[Approach]:

@@ -109,13 +109,14 @@ def from_beside_again(search: Search, history: History) -> Try | None:
 
 
 def from_edge(search: Search, history: History) -> Try | None:
-    """The nearest landing to a target that is out of reach, or millimetres off, brought as near to
-    it as limits let it at any effort; throws of a library's boundary stay as they are."""
+    """The nearest landing to a target that is out of reach, or so near that vain starts are no
+    evidence, brought as near to it as limits let it at any effort; throws of a library's boundary
+    stay as they are."""
     is_done = any(isinstance(one, Approach) and one.is_last for one in history.tries)
     if is_done or history.found or not (history.edges and search.is_sparse) or search.blocked:
         return None
     edge = history.edges[0]
-    is_near = edge.missed < SETTINGS.same_distance
+    is_near = edge.missed < search.sure_distance
     if edge.throw is None or not (is_near or search.is_nearest_possible(history)):
         return None
     guess = guess_of(edge.throw, search.task.scene)

@@ -190,6 +190,9 @@ def test_every_code_has_words_a_cure_and_a_fate() -> None:
         words = Finding(code, 1.0, 2.0, 0.1, "joint 2", "link 4", note="so").words
         assert words and "\n" not in words
         assert code.cure and code.fate
+    noted = {code for code in Code if not Finding(code, 1.0, 2.0, 0.1, "joint 2", "link 4").words}
+    known = Code.RELEASE, Code.MODELS_DIFFER, Code.REST, Code.CALIBRATION, Code.UNCERTAIN
+    assert noted == set(known)
 
 
 def test_a_warning_breaks_nothing_and_a_cup_excuses_the_landing() -> None:
