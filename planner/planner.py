@@ -119,9 +119,9 @@ class Planner:
         turns: 'any' takes theta modulo full turns. warm: a solved plan of this scene for a target
         nearby. alternatives: number of further throws to look for, each different, for
         `Plan.alternatives`. robust: a method of [robust], instead of the scene's. patience [s]:
-        time limit, without building; by default 6 s, 20 s for several throws.
-        start: a state of motion in which the throw begins at its time 0, instead of the scene's
-        start; `warm` is then a plan whose motion passes that state.
+        time limit, without building; by default 6 s, 20 s for several throws. start: a state of
+        motion in which the throw begins at its time 0, instead of the scene's start; `warm` is then
+        a plan whose motion passes that state.
         """
         started = time.perf_counter()
         target = self.check(target)
@@ -137,15 +137,14 @@ class Planner:
         wanted = self._wanted(alternatives)
         solvers = ("fatrop", "ipopt") if solver == "auto" else (solver,)
         usual = LONG_PATIENCE if wanted > 1 and not method else PATIENCE
-        clock = Clock.lasting(usual if patience is None else patience)
+        clock = Clock.lasting(patience or usual)
         task = Task(self.scene.aimed_at(target), target, solvers, clock, turns, wanted)
         built, self._build_time = self._build_time, 0.0
         context, at_rest = self._context, start is None
         known = warm.throw if warm and self._is_own(warm, at_rest=at_rest) else None
         if start is not None:
-            context = self._in_motion.from_state(
-                self.manipulator.from_state(start.checked(self.manipulator))
-            )
+            moving = self.manipulator.from_state(start.checked(self.manipulator))
+            context = self._in_motion.from_state(moving)
             known = None if known is None else remaining_throw(known, context.problems.manipulator)
 
         def plan_at(goal: Pose, last: Plan | None) -> Plan:

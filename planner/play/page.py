@@ -37,12 +37,12 @@ from .latest_only import LatestOnlyWorker, OutdatedError
 class PageSettings:
     """Settings of the page.
 
-    quick_patience [s]: of a plan while the target may still move; patience [s]: once it does not,
-    as no plan can be interrupted. close_time [s]: longest wait for
-    current work when the page closes. slider_range: of friction and opening time, as shares of the
-    scene's values. longest_delay [ms]: of the slider. samples: sampled throws of a map.
-    unreachable [m]: distance beyond every throw, whose nearest landing is the edge of the reach.
-    angle_match [rad]: largest difference of that landing's angle from the target's.
+    quick_patience [s]: of a plan while the target may still move; patience [s]: once it stands; a
+    plan cannot be interrupted. close_time [s]: longest wait for current work when the page closes.
+    slider_range: of friction and opening time, as shares of the scene's values. longest_delay [ms]:
+    of the slider. samples: sampled throws of a map. unreachable [m]: distance beyond every throw,
+    whose nearest landing is the edge of the reach. angle_match [rad]: largest difference of that
+    landing's angle from the target's.
     """
 
     quick_patience: float = 0.5

@@ -191,11 +191,8 @@ def attempts(problems: NlpCache, start: Start, task: Task) -> list[Attempt]:
         if start.light and after.costly:
             break
         request = Request(task.scene, problems.manipulator, robust=start.robust)
-        guess = (
-            start.guess
-            if start.again
-            else partial(initial_guess_from, throw=throw, request=request)
-        )
+        if not start.again:
+            guess = partial(initial_guess_from, throw=throw, request=request)
         refinement = after
     return made
 
