@@ -13,7 +13,6 @@ from dataclasses import replace
 from ...problems import Pose
 from ..library import Neighbour
 from ..ocp import CUP_MARGIN, Refinement
-from ..result import PlannedThrow
 from ..verdict import verdict
 from .attempt import Attempt, NearestFeasible, Start, attempts
 from .guess import guess_of
@@ -23,8 +22,6 @@ from .nlp_cache import NlpCache, Task
 
 #: Most NLPs with an elastic landing, each refined by the check of the one before.
 ROUNDS = 4
-#: Most NLPs for the goal itself, once an elastic landing reaches it.
-TRIES = 4
 #: Price of the angle where it comes to the goal first, over its price in the pose error. The pose
 #: error has a kink at the goal's x and one at its angle, and limits hold a throw at either: from
 #: the same samples both ways end at landings that differ by a factor of up to ten.
@@ -79,20 +76,20 @@ def _rounds(
     problems: NlpCache, start: Start, step: Approach, task: Task, sound: bool
 ) -> Iterator[Attempt]:
     """NLPs with an elastic landing from one start, each refined by the check of the one before, and
-    for the goal itself once one reaches it; sound: the start breaks nothing where it lands."""
+    for the goal itself once one lands there; sound: the start breaks nothing where it lands."""
     goal = step.goal
     for _ in range(ROUNDS):
         *_, near = attempts(problems, start, task)
         if near.throw is None and sound and not step.light and "ipopt" in task.solvers:
             # From a sound throw IPOPT's restoration solves some that FATROP's does not, in seconds.
             *_, near = attempts(problems, replace(start, solver="ipopt"), task)
-        if near.throw is not None and _reaches(near.throw, goal):
-            tries, guess = 1 if step.light else TRIES, guess_of(near.throw, task.scene)
-            made = attempts(
-                problems, Start(goal, guess, task.solvers[0], start.refinement, tries), task
+        if near.solved and near.throw is not None:
+            guess = guess_of(near.throw, task.scene)
+            [exact] = attempts(
+                problems, Start(goal, guess, task.solvers[0], start.refinement), task
             )
-            yield from made
-            if made[-1].solved:
+            yield exact
+            if exact.solved:
                 return
         yield near
         after = near.after
@@ -104,13 +101,6 @@ def _rounds(
             return
         # Again from the throw that this round began with.
         start = replace(start, refinement=after)
-
-
-def _reaches(throw: PlannedThrow, goal: Pose) -> bool:
-    """Whether the NLP's own landing is within the tolerance of its aim at the goal."""
-    x, _, theta = throw.planned_landing
-    most, (dx, dtheta) = throw.scene.tolerance, goal.shifted(*throw.aim).miss(x, theta)
-    return bool(abs(dx) <= most.position and abs(dtheta) <= most.angle)
 
 
 def _in_region(attempt: Attempt, goal: Pose, task: Task) -> Attempt:

@@ -50,7 +50,7 @@ class SearchSettings:
     leads: int = 3
     same_distance: float = 0.005
     cup_distance: float = 0.015
-    vain_starts: int = 9
+    vain_starts: int = 8
     vain_hand_starts: int = 16
     column_approaches: int = 2
     equal_ratio: float = 1.1

@@ -150,14 +150,16 @@ class Search:
 
     @cached_property
     def again(self) -> list[Approach]:
-        """Approaches after vain starts: sampled throws by the other way, as both ways from one are
-        no two that agree; then what was given up before costly constraints."""
-        sampled = [one for one in self.approaches if isinstance(one.source, Start)]
-        fixed = self.task.target.theta is not None
-        other = [replace(one, turns=not one.turns) for one in sampled if one.away < math.inf]
-        return (other if fixed else []) + [
-            replace(one, light=False) for one in sampled if one.light
-        ]
+        """Approaches with the landing elastic from the first NLP on: from the throw that hits a
+        sample's landing, limits may end the way sooner than from the sample. Then what was given up
+        before costly constraints."""
+        problems, task, arriving = self.context.problems, self.task, self.candidates.arriving
+        direct = list[Approach]()
+        for index, goal, away in arriving.different[: SETTINGS.approaches]:
+            start = release_start(problems, task, arriving.releases, index, goal)
+            direct.append(Approach(goal, start, away, turns=bool(direct)))
+        samples = (one for one in self.approaches if isinstance(one.source, Start))
+        return [*direct, *(replace(one, light=False) for one in samples if one.light)]
 
     @property
     def is_sparse(self) -> bool:

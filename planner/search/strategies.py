@@ -101,7 +101,7 @@ def from_beside(search: Search, history: History) -> Try | None:
 
 
 def from_beside_again(search: Search, history: History) -> Try | None:
-    """A sampled throw, brought near by the other way, or with constraints that cost more."""
+    """A sampled throw, brought near from the first NLP on, or with constraints that cost more."""
     if search.blocked or history.found or search.is_settled(history):
         return None
     number = history.approaches - len(search.approaches)
@@ -130,7 +130,12 @@ def from_samples(search: Search, history: History) -> Try | None:
 
 
 def from_samples_again(search: Search, history: History) -> Try | None:
-    """Starts from the same releases, by each other solver."""
+    """Starts from the same releases, by each other solver, where those before are no evidence.
+
+    Elsewhere IPOPT threw to none of 1,300 targets over the maps and beyond, in a sixth of the time.
+    """
+    if history.edges and history.edges[0].missed >= search.sure_distance:
+        return None
     return _by_solvers(search, history, search.task.solvers[1:])
 
 
@@ -171,8 +176,8 @@ FROM_NOTHING: tuple[Strategy, ...] = (
     from_library,
     from_nearest_samples,
     from_beside,
-    from_samples,
     from_beside_again,
-    from_samples_again,
+    from_samples,
     from_edge,
+    from_samples_again,
 )
