@@ -43,7 +43,7 @@ IN_MAP, BEYOND = (6, 167), (4, 84)
 #: Targets beyond are so many bins from the nearest with a landing.
 RING = (2, 4)
 #: Of the targets of a scene that neither planner throws to, those that are searched on for over
-#: the map and beyond: quick, full. Each [s] of processor time: quick, full.
+#: the map and beyond; the processor time [s] of such a search: quick, full.
 SEARCHED, SEARCH_TIME = (1, 8), (10.0, 30.0)
 #: Longest time [s] of a plan to a pose that was named as nearest.
 NAMED_TIME = 5.0
@@ -87,6 +87,11 @@ class _Endless(Search):
     def is_settled(self, history: History) -> bool:
         """Never: no evidence is enough."""
         return False
+
+    @property
+    def sure_distance(self) -> float:
+        """No distance is enough for starts that lead nowhere: IPOPT tries, too."""
+        return math.inf
 
     def is_complete(self, history: History) -> bool:
         """With one throw, though the task asks for more starts than that needs."""
@@ -187,7 +192,10 @@ def _looked_for(pairs: Sequence[tuple[_Answer, ...]], most: int) -> list[bool]:
 
 
 def _truth(name: str, target: Pose, answers: tuple[_Answer, ...], seconds: float) -> _Truth:
-    """What further searches find of a target; seconds: of one that no evidence ends, or 0."""
+    """What further searches find of a target.
+
+    seconds [s]: of the one that no evidence ends, 0 for none.
+    """
     lever, solved = load_scene(name).object.half_length, any(a.status == "solved" for a in answers)
     known = [target.distance(a.nearest, lever) for a in answers if a.nearest is not None]
     if seconds:

@@ -132,7 +132,7 @@ def unsolved_plan(
         throw,
         nearest=nearest,
         binding=binding,
-        solver=task.solvers[-1],
+        solver=history.attempts[-1].solver if history.attempts else task.solvers[0],
         iterations=history.iterations,
         attempts=history.solves,
         variables=variables,

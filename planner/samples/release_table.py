@@ -42,6 +42,10 @@ class Releases(ReadOnly):
         """Some of the releases: flags (N,) or indices."""
         return Releases(*(getattr(self, name)[chosen] for name in ARRAYS))
 
+    def key(self, index: int) -> bytes:
+        """A release's coordinates and state at detach, as bytes that identify it in any table."""
+        return bytes(self.q[index].tobytes() + self.detach[index].tobytes())
+
 
 # A plan asks several times for one table and height.
 @lru_cache(maxsize=4)

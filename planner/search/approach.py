@@ -24,7 +24,7 @@ from .nlp_cache import NlpCache, Task
 ROUNDS = 4
 #: Price of the angle where it comes to the goal first, over its price in the pose error. The pose
 #: error has a kink at the goal's x and one at its angle, and limits hold a throw at either: from
-#: the same samples both ways end at landings that differ by a factor of up to ten.
+#: the same samples both ways ended at landings that differed by a factor of up to ten.
 TURNING = 8.0
 #: Margin [m] to rim and wall of a cup, beyond its clearance.
 ELASTIC_CUP_MARGIN = 2e-4
@@ -76,7 +76,8 @@ def _rounds(
     problems: NlpCache, start: Start, step: Approach, task: Task, sound: bool
 ) -> Iterator[Attempt]:
     """NLPs with an elastic landing from one start, each refined by the check of the one before, and
-    for the goal itself once one lands there; sound: the start breaks nothing where it lands."""
+    for the goal itself once one lands there; sound: an NLP for the start's own landing was not
+    needed or solved."""
     goal = step.goal
     for _ in range(ROUNDS):
         *_, near = attempts(problems, start, task)

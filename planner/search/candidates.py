@@ -98,9 +98,9 @@ class Candidates:
         """(table, release, goal, landing) of near throws that arrive, differ and break nothing
         where they land.
 
-        The first of the others follows, with the goal for its landing. With a cup, a throw with the
-        other end of the bar first comes before another like the first: limits bring neither to
-        where the other lands, since across the cup's mouth lies no throw into it.
+        Of too few such throws others follow, with the goal for their landing. With a cup, a throw
+        with the other end of the bar first comes before another like the first: limits bring
+        neither to where the other lands, since across the cup's mouth lies no throw into it.
         """
         sound, others = self.arriving._sound(SOUND)
         beyond = self._across(sound or others)
@@ -108,7 +108,7 @@ class Candidates:
             across, unsound = beyond._arriving._sound(1)
             sound[1:] = across or sound[1:]
             others[1:] = unsound
-        return sound + others[: max(1, SOUND - len(sound))]
+        return sound + others[: SOUND - len(sound)]
 
     def _across(self, judged: list[_Judged]) -> Candidates | None:
         """The releases that enter the cup with another end first than the first of those judged."""
@@ -155,10 +155,6 @@ class Candidates:
         pose = goal.in_plane(landing.x, None if goal.theta is None else landing.theta)
         thrown = replace(thrown, scene=self.task.aimed_at(pose).scene)
         return pose if verdict(thrown, pose).ok else None
-
-    def key(self, index: int) -> bytes:
-        """A release's coordinates and state at detach, as bytes that identify it."""
-        return bytes(self.releases.q[index].tobytes() + self.releases.detach[index].tobytes())
 
 
 def same_end(task: Task, landed: Array, theta: float) -> Flags:

@@ -24,7 +24,8 @@ class SearchSettings:
     solutions for a region are corrected up to this multiple of the least cost. first_starts:
     sampled starts, and those of them that arrive well, solved before throws beside the target are
     brought to it; also throws of the library that are brought near with all constraints.
-    approaches: solved throws brought as near to the target as limits allow; leads: of the library,
+    approaches: solved throws, and further samples, brought as near to the target as limits allow;
+    leads: of the library,
     moved towards it before. same_distance: a throw within it of one that is kept is not kept; a
     target within it of the nearest landing is not called out of reach for starts that lead nowhere;
     with a cup within `cup_distance`, as one of two such answers over the map of `cup` was false.

@@ -51,11 +51,11 @@ class Solve:
 class Approach:
     """Bring a throw that lands beside the goal as near to it as limits let it.
 
-    source: a solved throw, or a start that has its own landing for a goal; away [m]: how far off
-    the goal it lands, inf if it breaks something there. found: the throw is of an earlier plan.
-    light: end before an NLP for which costly constraints come in, or clearances of further bodies.
-    most [m]: end where limits let it come no nearer than this pose error. turns: bring the angle to
-    the goal first. prices [1/m]: of the pose error, one after the other.
+    source: a solved throw, or a start that has its own landing for a goal if it breaks nothing
+    there, else the goal; away [m]: how far off the goal it lands, or inf. found: the throw is of an
+    earlier plan. light: end before an NLP for which costly constraints come in, or clearances of
+    further bodies. most [m]: end where limits let it come no nearer than this pose error. turns:
+    bring the angle to the goal first. prices [1/m]: of the pose error, one after the other.
     """
 
     goal: Pose

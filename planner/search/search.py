@@ -150,12 +150,13 @@ class Search:
 
     @cached_property
     def again(self) -> list[Approach]:
-        """Approaches with the landing elastic from the first NLP on: from the throw that hits a
-        sample's landing, limits may end the way sooner than from the sample. Then what was given up
-        before costly constraints."""
+        """Approaches from further samples, whatever they break where they land: the first NLP need
+        not land there. Then what was given up before costly constraints."""
         problems, task, arriving = self.context.problems, self.task, self.candidates.arriving
+        done = {table.key(index) for table, index, *_ in self.candidates.judged}
+        others = (one for one in arriving.different if arriving.releases.key(one[0]) not in done)
         direct = list[Approach]()
-        for index, goal, away in arriving.different[: SETTINGS.approaches]:
+        for index, goal, away in islice(others, SETTINGS.approaches):
             start = release_start(problems, task, arriving.releases, index, goal)
             direct.append(Approach(goal, start, away, turns=bool(direct)))
         samples = (one for one in self.approaches if isinstance(one.source, Start))

@@ -186,7 +186,7 @@ def test_a_corner_cut_between_two_nodes_takes_a_margin_and_no_more_rows() -> Non
 
 @pytest.mark.slow
 def test_a_centimetre_off_into_a_cup_vain_starts_are_no_evidence(cup) -> None:
-    """Nine starts lead nowhere, but a throw that is moved here from another target lands."""
+    """Sampled starts lead nowhere, but a throw that is moved here from another target lands."""
     plan = cup.plan(cup.scene.target.in_plane(-1.12910206, math.radians(127.80228)), patience=90.0)
     assert plan.status != "out_of_reach"
 
