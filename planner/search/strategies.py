@@ -101,7 +101,7 @@ def from_beside(search: Search, history: History) -> Try | None:
 
 
 def from_beside_again(search: Search, history: History) -> Try | None:
-    """A sampled throw, brought near from the first NLP on, or with constraints that cost more."""
+    """A further sampled throw brought near, or one of those before with all constraints."""
     if search.blocked or history.found or search.is_settled(history):
         return None
     number = history.approaches - len(search.approaches)
