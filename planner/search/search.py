@@ -87,8 +87,8 @@ class Search:
 
     def limited(self, step: Try, history: History) -> Try:
         """A try that ends early where it leads to no cheaper throw into a region, or no nearer."""
-        if isinstance(step, Approach) and history.edges:
-            return replace(step, most=SETTINGS.hopeless * history.edges[0].missed)
+        if isinstance(step, Approach) and history.new_edges:
+            return replace(step, most=SETTINGS.hopeless * history.new_edges[0].missed)
         is_compared = self.task.target.is_region and self.task.wanted == 1 and history.found
         if not isinstance(step, Solve) or not is_compared:
             return step
