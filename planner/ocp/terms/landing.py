@@ -23,6 +23,9 @@ ARRIVAL_MARGIN = 1e-3
 DEPTHS = (4, 12)
 #: Margin [m] to rim and wall: covers the motion between depths; `request.CUP` adds to it.
 CUP_MARGIN = 0.001
+#: Room [half widths] at a rim's edge that lies half a width before the bar's lower end: steep
+#: enough that such an edge binds at no angle.
+BEFORE = 4.0
 #: Points of each capsule of an outline that are kept off wall and rim.
 CUP_POINTS = 5
 #: Height [radii] over the rim from which a disc is free. The bound keeps the series small.
@@ -173,11 +176,16 @@ class CupClearance(SceneConstraint):
             for side in (-1, 1):
                 corner = at.x + lower * cos - side * half_width * sin - cup_x
                 flight.subject_to("cup clearance", corner / (radius - clearance), -1.0, 1.0)
-            # The rim's two edges lie to either side of the bar's axis: signed distances.
+            # The rim's two edges lie to either side of the bar's axis: signed distances. One that
+            # lies before the lower end, `before` it along the axis, is clear where the corners are.
             offset = (at.x - cup_x) * sin + (p("cup_rim") - at.z) * cos
             free = radius * ca.sqrt(sin**2 + 1e-9) - half_width - clearance
-            flight.subject_to("cup clearance", (offset - free) / radius, high=0.0)
-            flight.subject_to("cup clearance", (offset + free) / radius, low=0.0)
+            up = -ca.sign(lower)
+            for side, bound in ((-1, "low"), (1, "high")):
+                edge = cup_x + side * up * radius - at.x - lower * cos
+                before = ca.fmax(-up * (edge * cos + depth * sin), 0.0)
+                room = free + BEFORE * before**2 / half_width
+                flight.subject_to("cup clearance", (offset - side * room) / radius, **{bound: 0.0})
 
     def _outline_in(self, flight: Flight, cup_at: Callable[[ca.SX], ca.SX]) -> None:
         """The constraints for an outline: as the lower end reaches the rim, then at each depth."""
