@@ -88,11 +88,6 @@ class _Endless(Search):
         """Never: no evidence is enough."""
         return False
 
-    @property
-    def sure_distance(self) -> float:
-        """No distance is enough for starts that lead nowhere: IPOPT tries, too."""
-        return math.inf
-
     def is_complete(self, history: History) -> bool:
         """With one throw, though the task asks for more starts than that needs."""
         return bool(history.found)

@@ -180,11 +180,7 @@ def nearest_landings(
     left out. With turns 'any' a row's goal is the target at the full turns nearest to its landing.
     cost (N,): of landings that are equally near, as in a region, the least comes first.
     """
-    x, theta, _ = landings
-    full = np.zeros_like(x)
-    if target.theta is not None and turns == "any":
-        full = 2 * math.pi * np.round((theta - target.theta) / (2 * math.pi))
-    away = scene.object.pose_error(*target.miss(x, theta - full))
+    away, full = landing_errors(scene, target, turns, landings)
     found = np.arange(len(away))
     if cost is not None:
         found = np.lexsort((cost, away))[:count]
@@ -197,6 +193,18 @@ def nearest_landings(
         for i in found
         if math.isfinite(away[i])
     ]
+
+
+def landing_errors(
+    scene: Scene, target: Pose, turns: Turns, landings: Array
+) -> tuple[Array, Array]:
+    """Pose errors (N,) [m] (39) of landings (3, N), as of `nearest_landings`, and the full turns
+    (N,) [rad] from the target to the goals that they are for."""
+    x, theta, _ = landings
+    full = np.zeros_like(x)
+    if target.theta is not None and turns == "any":
+        full = 2 * math.pi * np.round((theta - target.theta) / (2 * math.pi))
+    return scene.object.pose_error(*target.miss(x, theta - full)), full
 
 
 def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:

@@ -21,11 +21,13 @@ from .move import Corrector, throw_of
 from .nlp_cache import NlpCache, Task
 
 #: Most NLPs with an elastic landing, each refined by the check of the one before.
-ROUNDS = 4
+ROUNDS = 5
 #: Price of the angle where it comes to the goal first, over its price in the pose error. The pose
 #: error has a kink at the goal's x and one at its angle, and limits hold a throw at either: from
 #: the same samples both ways ended at landings that differed by a factor of up to ten.
 TURNING = 8.0
+#: Pose error [m] below which two landings are the same: the same limits hold both.
+SAME_LANDING = 1e-3
 #: Margin [m] to rim and wall of a cup, beyond its clearance.
 ELASTIC_CUP_MARGIN = 2e-4
 
@@ -35,7 +37,7 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
 
     Where a start's own goal is beside that of the step, that is solved for first.
     """
-    problems, sound, goal, source = corrector.problems, True, step.goal, step.source
+    problems, goal, source = corrector.problems, step.goal, step.source
     if isinstance(source, Neighbour):
         throw = throw_of(corrector.controls, problems.manipulator, source.optimum, task)
         guess, refinement = guess_of(throw, task.scene), throw.refinement
@@ -48,7 +50,6 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
                 return
             yield from (_beside(one, goal, task) for one in made)
             last = made[-1]
-            sound = last.solved
             if last.solved and last.throw is not None:
                 guess, refinement = guess_of(last.throw, task.scene), last.refinement
     if task.scene.cup is not None:
@@ -56,7 +57,7 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
         refinement = Refinement(refinement.lazy | {"flight"}, margins, refinement.bodies)
     start = Start(goal, guess, "fatrop", refinement, elastic=step.prices[0])
     if step.turns and goal.theta is not None:
-        made = list(_rounds(problems, replace(start, turning=TURNING), step, task, sound))
+        made = list(_rounds(problems, replace(start, turning=TURNING), step, task))
         yield from made
         if not made[-1].is_edge or made[-1].throw is None:
             return
@@ -64,26 +65,27 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
             start, guess=guess_of(made[-1].throw, task.scene), refinement=made[-1].refinement
         )
     for price in step.prices:
-        is_first = sound and price == step.prices[0]
-        *made, last = _rounds(problems, replace(start, elastic=price), step, task, is_first)
+        *made, last = _rounds(problems, replace(start, elastic=price), step, task)
         yield from (*made, last)
         if not last.is_edge or last.throw is None or last.missed > step.most:
+            return
+        assert last.edge is not None
+        lever = task.scene.object.half_length
+        if any(last.edge.pose.distance(one, lever) < SAME_LANDING for one in step.known):
             return
         start = replace(start, guess=guess_of(last.throw, task.scene), refinement=last.refinement)
 
 
-def _rounds(
-    problems: NlpCache, start: Start, step: Approach, task: Task, sound: bool
-) -> Iterator[Attempt]:
+def _rounds(problems: NlpCache, start: Start, step: Approach, task: Task) -> Iterator[Attempt]:
     """NLPs with an elastic landing from one start, each refined by the check of the one before, and
-    for the goal itself once one lands there; sound: an NLP for the start's own landing was not
-    needed or solved."""
-    goal = step.goal
+    for the goal itself once one lands there."""
+    goal, broken = step.goal, None
     for _ in range(ROUNDS):
         *_, near = attempts(problems, start, task)
-        if near.throw is None and sound and not step.light and "ipopt" in task.solvers:
-            # From a sound throw IPOPT's restoration solves some that FATROP's does not, in seconds.
-            *_, near = attempts(problems, replace(start, solver="ipopt"), task)
+        if near.throw is None and broken is not None:
+            # With the further constraint no motion was found from where this round began.
+            *_, near = attempts(problems, replace(start, guess=guess_of(broken, task.scene)), task)
+        broken = near.throw
         if near.solved and near.throw is not None:
             guess = guess_of(near.throw, task.scene)
             [exact] = attempts(

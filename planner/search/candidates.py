@@ -12,20 +12,30 @@ import numpy as np
 
 from ...models import Array, Flags
 from ...problems import Pose, Scene
+from ..library import landing_errors, nearest_landings
 from ..result import PlannedThrow
-from ..samples import Releases, flies_past_column, in_obstacles, sampled_throw, starts
+from ..samples import (
+    UNMET,
+    Releases,
+    ReleaseSampler,
+    drawn_towards,
+    flies_past_column,
+    in_obstacles,
+    kinds,
+    sampled_throw,
+    starts,
+)
 from ..throw import Manipulator, column_of
 from ..verdict import lands_well, verdict
 from .attempt import Start
 from .guess import guess_of
 from .nlp_cache import NlpCache, Task
 
-#: (solver, number of sampled releases, and of those that arrive well, that it starts from for each
-#: wanted throw), in order. IPOPT takes ten times as long, and finds some that FATROP does not.
-STARTS = (("fatrop", 4), ("ipopt", 2))
-#: The same where more is to be tried: among obstacles, each of which parts the motions into those
-#: on its one side and other; and for a hand, whose NLPs take a third of an arm's time.
-MANY_STARTS = (("fatrop", 16), ("ipopt", 2))
+#: Number of sampled releases, and of those that arrive well, from which a solver starts for each
+#: wanted throw.
+STARTS = {"fatrop": 4, "ipopt": 2}
+#: The same among obstacles, each of which parts the motions into those on its one side and other.
+MANY_STARTS = 16
 #: Most sampled releases from which throws to a region are solved, to find the cheapest.
 REGION_STARTS = 8
 #: Nearest sampled throws of which starts are chosen, and of which collisions with obstacles are
@@ -55,7 +65,7 @@ class Candidates:
     @cached_property
     def nearest(self) -> list[tuple[int, Pose, float]]:
         """(release, goal, pose error [m]) of the nearest landings."""
-        task, most = self.task, 2 * max(count for _, count in STARTS)
+        task, most = self.task, 2 * max(STARTS.values())
         most = (REGION_STARTS if task.target.is_region else most) * task.wanted
         return starts(self.releases, task.scene, task.target, task.turns, most)
 
@@ -69,11 +79,7 @@ class Candidates:
         task, scene = self.task, self.task.scene
         found = starts(self.releases, scene, task.target, task.turns, NEAR)
         q = self.releases.q[[index for index, *_ in found]]
-        apart = DIFFERENT * np.ptp(q, axis=0) if len(q) else 0.0
-        chosen, free = list[int](), np.ones(len(q), bool)
-        while free.any():
-            chosen.append(int(free.argmax()))
-            free &= (np.abs(q - q[chosen[-1]]) > apart).any(axis=1)
+        chosen = kinds(q, DIFFERENT)
         others = sorted(set(range(len(found))) - set(chosen))
         found = [found[k] for k in (*chosen, *others)]
         if not scene.obstacle:
@@ -94,35 +100,47 @@ class Candidates:
         return (self._entering_as(self.task.target.theta) or self)._arriving
 
     @cached_property
+    def drawn(self) -> list[tuple[Releases, int, Pose, float]]:
+        """(table, release, goal, pose error [m]) of releases drawn towards the target, each of
+        another kind of motion, that which differs most from all before it next."""
+        task, scene = self.task, self.task.scene
+        with task.clock("guess"):
+            sampler = ReleaseSampler(scene, self.manipulator)
+            table, chosen = drawn_towards(
+                sampler, self._arriving.releases, self._away, self._traits, DIFFERENT
+            )
+            landings = table.landings(task.target.z, scene.flight)[:, chosen]
+            near = nearest_landings(scene, task.target, task.turns, landings, len(chosen))
+            found = {number: (table, chosen[number], goal, away) for number, goal, away in near}
+        return [found[number] for number in sorted(found)]
+
+    def _traits(self, releases: Releases) -> Array:
+        """Coordinates (N, n) of releases, and (N, n + 1) which end of the bar enters a cup."""
+        if self.task.scene.cup is None:
+            return releases.q
+        landed = releases.landings(self.task.target.z, self.task.scene.flight)[1]
+        return np.column_stack([releases.q, same_end(self.task, landed, 0.0)])
+
+    def _away(self, releases: Releases) -> Array:
+        """Pose errors (N,) [m] of releases' landings, and what `drawn_towards` adds."""
+        task, scene, target = self.task, self.task.scene, self.task.target
+        landing = releases.landings(target.z, scene.flight).T
+        errors, _ = landing_errors(scene, target, task.turns, landing.T)
+        for holds in _arrivals(scene, target, releases, landing):
+            errors = errors + UNMET * ~holds
+        return errors
+
+    @cached_property
     def judged(self) -> list[_Judged]:
         """(table, release, goal, landing) of near throws that arrive, differ and break nothing
-        where they land.
+        where they land."""
+        return self.arriving._sound()
 
-        Of too few such throws others follow, with the goal for their landing. With a cup, a throw
-        with the other end of the bar first comes before another like the first: limits bring
-        neither to where the other lands, since across the cup's mouth lies no throw into it.
-        """
-        sound, others = self.arriving._sound(SOUND)
-        beyond = self._across(sound or others)
-        if beyond is not None:
-            across, unsound = beyond._arriving._sound(1)
-            sound[1:] = across or sound[1:]
-            others[1:] = unsound
-        return sound + others[: SOUND - len(sound)]
-
-    def _across(self, judged: list[_Judged]) -> Candidates | None:
-        """The releases that enter the cup with another end first than the first of those judged."""
-        if self.task.scene.cup is None or not judged:
-            return None
-        table, index, *_ = judged[0]
-        landed = table.landings(self.task.target.z, self.task.scene.flight)[1]
-        return self._entering_as(float(landed[index]), alike=False)
-
-    def _entering_as(self, theta: float, alike: bool = True) -> Candidates | None:
+    def _entering_as(self, theta: float) -> Candidates | None:
         """The releases that land in the half turn of an angle [rad], so with the same end of the
-        bar lower, or those that do not; None without any."""
+        bar lower; None without any."""
         landed = self.releases.landings(self.task.target.z, self.task.scene.flight)[1]
-        chosen = np.isfinite(landed) & (same_end(self.task, landed, theta) == alike)
+        chosen = np.isfinite(landed) & same_end(self.task, landed, theta)
         return replace(self, releases=self.releases.picked(chosen)) if chosen.any() else None
 
     @cached_property
@@ -135,16 +153,17 @@ class Candidates:
             good = good & holds if (good & holds).any() else good
         return replace(self, releases=releases.picked(good))
 
-    def _sound(self, count: int) -> tuple[list[_Judged], list[_Judged]]:
-        """`count` of the releases that break nothing, and those before them that do, in order."""
-        sound, others = list[_Judged](), list[_Judged]()
+    def _sound(self) -> list[_Judged]:
+        """The first of the releases that break nothing."""
+        sound = list[_Judged]()
         for index, goal, _ in self.different[:JUDGED]:
             with self.task.clock("guess"):
                 pose = self._sound_landing(index, goal)
-            (others if pose is None else sound).append((self.releases, index, goal, pose or goal))
-            if len(sound) == count:
+            if pose is not None:
+                sound.append((self.releases, index, goal, pose))
+            if len(sound) == SOUND:
                 break
-        return sound, others
+        return sound
 
     def _sound_landing(self, index: int, goal: Pose) -> Pose | None:
         """A release's landing; None if its throw breaks a limit."""

@@ -24,15 +24,16 @@ class SearchSettings:
     solutions for a region are corrected up to this multiple of the least cost. first_starts:
     sampled starts, and those of them that arrive well, solved before throws beside the target are
     brought to it; also throws of the library that are brought near with all constraints.
-    approaches: solved throws, and further samples, brought as near to the target as limits allow;
-    leads: of the library, moved towards it before. same_distance: a throw within it of one that is
-    kept is not kept; a target within it of the nearest landing is not called out of reach for
-    starts that lead nowhere; with a cup within `cup_distance`, as one of two such answers over the
-    map of `cup` was false. A target is out of reach if `vain_starts` sampled starts lead nowhere
-    and a landing short of it is new, of a hand `vain_hand_starts` (beside the reach of `hand-flip`
-    5 of 39 answers after 6 starts were false, none of 34 after 16); of an arm with a library of
-    `dense` throws or more also if one such start leads nowhere and the nearest landing agrees with
-    another: their distances are within a factor of `equal_ratio`, and they are nearer to each other
+    approaches: solved throws, brought as near to the target as limits allow; leads: of the library,
+    moved towards it before. same_distance: a throw within it of one that is kept is not kept; a
+    target within it of the nearest landing is not called out of reach for sampled throws that lead
+    nowhere; with a cup within `cup_distance`, as one of two such answers over the map of `cup` was
+    false. A target is out of reach if no sampled throw that was drawn towards it leads there, and a
+    landing short of it is new; of a hand, and among obstacles, if many sampled starts lead nowhere
+    (beside the reach of `hand-flip` 5 of 39 answers after 6 starts were false, none of 34 after
+    16); of an arm with a library of `dense` throws or more also if one start leads nowhere and the
+    nearest landing agrees with another: their distances are within a factor of `equal_ratio`, and
+    they are nearer to each other
     than `same_side` of that (of a hand 4 of 34 such answers were false). Inside the base column the
     search ends with a landing of a led throw, or after `column_approaches`. An approach that limits
     hold farther off than `hopeless` times the nearest landing ends. dense: throws of a library
@@ -50,8 +51,6 @@ class SearchSettings:
     leads: int = 3
     same_distance: float = 0.005
     cup_distance: float = 0.015
-    vain_starts: int = 8
-    vain_hand_starts: int = 16
     column_approaches: int = 2
     equal_ratio: float = 1.1
     same_side: float = 0.5

@@ -55,7 +55,9 @@ class Approach:
     there, else the goal; away [m]: how far off the goal it lands, or inf. found: the throw is of an
     earlier plan. light: end before an NLP for which costly constraints come in, or clearances of
     further bodies. most [m]: end where limits let it come no nearer than this pose error. turns:
-    bring the angle to the goal first. prices [1/m]: of the pose error, one after the other.
+    bring the angle to the goal first. prices [1/m]: of the pose error, one after the other. drawn:
+    the source was drawn towards the goal. known: landings of tries before; one that lands at one of
+    these ends after the first price.
     """
 
     goal: Pose
@@ -66,6 +68,8 @@ class Approach:
     most: float = math.inf
     turns: bool = False
     prices: tuple[float, ...] = PRICES
+    drawn: bool = False
+    known: tuple[Pose, ...] = ()
 
     @property
     def is_last(self) -> bool:
@@ -154,6 +158,12 @@ class History:
     def approaches(self) -> int:
         """Number of throws brought near the goal, the last one apart."""
         return sum(isinstance(one, Approach) and not one.is_last for one in self.tries)
+
+    @property
+    def drawn(self) -> int:
+        """Number of sampled throws brought near the goal."""
+        approaches = (one for one in self.tries if isinstance(one, Approach))
+        return sum(one.drawn for one in approaches)
 
     @property
     def iterations(self) -> int:

@@ -15,7 +15,7 @@ from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement
 from ..result import PlannedThrow
 from .attempt import Attempt, Start
-from .candidates import REGION_STARTS, Candidates, release_start
+from .candidates import MANY_STARTS, REGION_STARTS, Candidates, release_start
 from .context import SETTINGS, SearchContext, agree, on_one_side
 from .feasibility import in_column
 from .history import PRICES, Approach, History, Solve, Try
@@ -88,7 +88,14 @@ class Search:
     def limited(self, step: Try, history: History) -> Try:
         """A try that ends early where it leads to no cheaper throw into a region, or no nearer."""
         if isinstance(step, Approach) and history.new_edges:
-            return replace(step, most=SETTINGS.hopeless * history.new_edges[0].missed)
+            far = [
+                one
+                for one in history.attempts
+                if one.is_edge and one.missed > SETTINGS.same_distance
+            ]
+            known = tuple(one.edge.pose for one in far if one.edge is not None)
+            most = SETTINGS.hopeless * history.new_edges[0].missed
+            return replace(step, most=most, known=known if step.drawn else ())
         is_compared = self.task.target.is_region and self.task.wanted == 1 and history.found
         if not isinstance(step, Solve) or not is_compared:
             return step
@@ -132,35 +139,31 @@ class Search:
                 others.append(Approach(near.goal, near, near.distance, found=True))
         for number, (table, index, goal, pose) in enumerate(self.candidates.judged):
             start = release_start(context.problems, task, table, index, goal)
-            far = goal.distance(pose, task.scene.object.half_length) or math.inf
+            away = goal.distance(pose, task.scene.object.half_length)
             start = replace(start, goal=pose, again=True)
-            turns = number == 1 and far < math.inf
-            # Behind the base column an arm throws into a cup only with all that constraints cost,
-            # which takes seconds where it fails.
-            light = far == math.inf and task.scene.cup is not None and not self.blocked
-            others.append(Approach(goal, start, far, light=light, turns=turns))
-        others.sort(key=attrgetter("away"))  # One that breaks something where it lands comes last.
+            others.append(Approach(goal, start, away, turns=number == 1))
+        others.sort(key=attrgetter("away"))
         if self.blocked:
             return [*others, *self.stored]
         nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
         last = [replace(one, light=False) for one in nearest]
         if self.is_sparse:
-            return [*others, *self.stored, *last]
-        return [*self.stored, *others, *last]
+            return [*others, *self.drawn, *self.stored, *last]
+        return [*self.stored, *others, *self.drawn, *last]
 
     @cached_property
-    def again(self) -> list[Approach]:
-        """Approaches from further samples, whatever they break where they land: the first NLP need
-        not land there. Then what was given up before costly constraints."""
-        problems, task, arriving = self.context.problems, self.task, self.candidates.arriving
-        done = {table.key(index) for table, index, *_ in self.candidates.judged}
-        others = (one for one in arriving.different if arriving.releases.key(one[0]) not in done)
-        direct = list[Approach]()
-        for index, goal, away in islice(others, SETTINGS.approaches):
-            start = release_start(problems, task, arriving.releases, index, goal)
-            direct.append(Approach(goal, start, away, turns=bool(direct)))
-        samples = (one for one in self.approaches if isinstance(one.source, Start))
-        return [*direct, *(replace(one, light=False) for one in samples if one.light)]
+    def drawn(self) -> list[Approach]:
+        """Approaches from releases drawn towards the target.
+
+        They are drawn without regard to obstacles: among these one of 163 led to its target.
+        """
+        if self.task.scene.obstacle:
+            return []
+        problems, task = self.context.problems, self.task
+        return [
+            Approach(goal, release_start(problems, task, table, index, goal), away, drawn=True)
+            for table, index, goal, away in self.candidates.drawn
+        ]
 
     @property
     def is_sparse(self) -> bool:
@@ -227,11 +230,12 @@ class Search:
         return SETTINGS.same_distance if self.task.scene.cup is None else SETTINGS.cup_distance
 
     def are_starts_vain(self, history: History) -> bool:
-        """Whether many sampled starts led nowhere."""
-        is_hand = self.task.scene.robot is None
-        most = SETTINGS.vain_hand_starts if is_hand else SETTINGS.vain_starts
-        starts = min(most, len(self.candidates.different))
-        return len(history.solves_from("samples")) >= starts
+        """Whether many sampled throws led nowhere: those drawn towards the target; of a hand, and
+        among obstacles, many starts."""
+        if self.task.scene.obstacle or self.task.scene.robot is None:
+            starts = min(MANY_STARTS, len(self.candidates.different))
+            return len(history.solves_from("samples")) >= starts
+        return history.drawn > 0 and history.drawn >= len(self.drawn)
 
     def are_alike(self, history: History) -> bool:
         """Whether the nearest landings agree, one of them new; or the nearest new ones do."""

@@ -86,26 +86,14 @@ def from_library(search: Search, history: History) -> Try | None:
 
 
 def from_beside(search: Search, history: History) -> Try | None:
-    """A throw that lands beside the target, brought as near to it as limits let it.
-
-    Where the nearest landings agree, sampled starts come first: without them nothing is settled.
-    """
+    """A throw that lands beside the target, brought as near to it as limits let it."""
     number = history.approaches
     enough = history.found or search.is_settled(history)
-    enough = enough or (search.are_alike(history) and not search.are_starts_vain(history))
     is_known = bool(history.leads and history.edges)
     is_given_up = search.blocked and (is_known or number == SETTINGS.column_approaches)
     if enough or is_given_up or not search.candidates.nearest:
         return None
     return next(islice(search.approaches, number, None), None)
-
-
-def from_beside_again(search: Search, history: History) -> Try | None:
-    """A further sampled throw brought near, or one of those before with all constraints."""
-    if search.blocked or history.found or search.is_settled(history):
-        return None
-    number = history.approaches - len(search.approaches)
-    return next(islice(search.again, number, None), None) if number >= 0 else None
 
 
 def from_edge(search: Search, history: History) -> Try | None:
@@ -125,30 +113,14 @@ def from_edge(search: Search, history: History) -> Try | None:
 
 
 def from_samples(search: Search, history: History) -> Try | None:
-    """A solver's start from a sampled release that arrives well, then from any."""
-    return _by_solvers(search, history, search.task.solvers[:1])
-
-
-def from_samples_again(search: Search, history: History) -> Try | None:
-    """Starts from the same releases, by each other solver, if the target is not out of reach
-    without them.
-
-    Beyond that IPOPT threw to none of 550 targets over five maps and beside them, in a sixth of
-    the time.
-    """
-    if history.edges and not history.found and search.is_nearest_possible(history):
-        return None
-    return _by_solvers(search, history, search.task.solvers[1:])
-
-
-def _by_solvers(search: Search, history: History, solvers: Sequence[str]) -> Try | None:
+    """A solver's start from a further sampled release that arrives well, then from any."""
     if search.blocked or search.is_settled(history):
         return None
-    tables, scene = (search.candidates.arriving, search.candidates), search.task.scene
-    starts = MANY_STARTS if scene.obstacle or scene.robot is None else STARTS
-    counts = [(solver, count) for solver, count in starts if solver in solvers]
-    tries = (_from_samples(search, history, tables, *one) for one in counts)
-    return next((step for step in tries if step is not None), None)
+    tables, solver = (search.candidates.arriving, search.candidates), search.task.solvers[0]
+    scene = search.task.scene
+    is_hard = solver == "fatrop" and (scene.obstacle or scene.robot is None)
+    count = MANY_STARTS if is_hard else STARTS[solver]
+    return _from_samples(search, history, tables, solver, count)
 
 
 def _from_samples(
@@ -178,8 +150,6 @@ FROM_NOTHING: tuple[Strategy, ...] = (
     from_library,
     from_nearest_samples,
     from_beside,
-    from_beside_again,
     from_samples,
     from_edge,
-    from_samples_again,
 )
