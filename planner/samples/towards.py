@@ -12,7 +12,7 @@ from .release_table import Releases, joined
 from .sampling import ReleaseSampler
 
 #: Pose error [m] that stands for a condition that a release does not keep.
-UNMET = 10.0
+UNMET = 1000.0
 
 
 @dataclass(frozen=True)
@@ -27,48 +27,44 @@ class TowardsSettings:
 SETTINGS = TowardsSettings()
 
 
-def kinds(traits: Array, share: float) -> list[int]:
-    """The first row of `traits` (N, m) of each kind: they differ in one by a share of its range."""
-    apart = share * np.ptp(traits, axis=0) if len(traits) else 0.0
-    chosen, free = list[int](), np.ones(len(traits), bool)
+def kinds(q: Array, share: float) -> list[int]:
+    """The first row of q (N, n) of each kind: they differ in a coordinate by a share of its range."""
+    apart = share * np.ptp(q, axis=0) if len(q) else 0.0
+    chosen, free = list[int](), np.ones(len(q), bool)
     while free.any():
         chosen.append(int(free.argmax()))
-        free &= (np.abs(traits - traits[chosen[-1]]) > apart).any(axis=1)
+        free &= (np.abs(q - q[chosen[-1]]) > apart).any(axis=1)
     return chosen
 
 
 def drawn_towards(
-    sampler: ReleaseSampler,
-    releases: Releases,
-    away: Callable[[Releases], Array],
-    traits: Callable[[Releases], Array],
-    share: float,
+    sampler: ReleaseSampler, releases: Releases, away: Callable[[Releases], Array], share: float
 ) -> tuple[Releases, list[int]]:
     """Releases that land nearer to a target, and the numbers of the nearest of each kind, in order.
 
     away: pose errors (N,) [m] of releases' landings, and `UNMET` for each condition that a release
-    does not keep on its way; NaN for those that do not land. traits (N, m): what tells kinds apart,
-    by a share of its range. Of the best those that keep most conditions are returned: first the
-    nearest of all; each next one differs most in its traits from those before it, as limits hold
-    motions that are alike short of a target at one place.
+    does not keep on its way; NaN for those that do not land. share: as of `kinds`. Of the best
+    those that keep most conditions are returned: first the nearest of all; each next one differs
+    most in its coordinates from those before it, as limits hold motions that are alike short of a
+    target at one place.
     """
     rng = np.random.default_rng(0)
     found, errors = _arriving(releases, away)
     if not len(errors):
         return found, []
-    nearest = traits(found)[np.argsort(errors, kind="stable")]
+    nearest = found.q[np.argsort(errors, kind="stable")]
     middles, span = nearest[kinds(nearest, share)], np.ptp(nearest, axis=0) + 1e-9
     for _ in range(SETTINGS.rounds):
-        parents = _nearest_of_kinds(traits(found), errors, middles, span, SETTINGS.parents)
+        parents = _nearest_of_kinds(found.q, errors, middles, span, SETTINGS.parents)
         found, errors = found.picked(parents), errors[parents]
         beside = np.resize(np.arange(len(errors)), SETTINGS.draws)
         drawn, drawn_errors = _arriving(sampler.perturb(found, beside, rng), away)
         found, errors = joined(found, drawn), np.append(errors, drawn_errors)
-    best = _nearest_of_kinds(traits(found), errors, middles, span, 1)
+    best = _nearest_of_kinds(found.q, errors, middles, span, 1)
     best = best[np.argsort(errors[best], kind="stable")]
     unmet = errors[best] // UNMET
     best = best[unmet == unmet.min()]
-    return found, best[_farthest_first(traits(found)[best] / span)].tolist()
+    return found, best[_farthest_first(found.q[best] / span)].tolist()
 
 
 def _arriving(releases: Releases, away: Callable[[Releases], Array]) -> tuple[Releases, Array]:
@@ -78,22 +74,20 @@ def _arriving(releases: Releases, away: Callable[[Releases], Array]) -> tuple[Re
     return releases.picked(arrive), errors[arrive]
 
 
-def _nearest_of_kinds(
-    traits: Array, errors: Array, middles: Array, span: Array, count: int
-) -> Indices:
-    """The `count` rows of `traits` (N, m) with the least errors of each kind, which is that of the
-    nearest of its middles (K, m); span (m,): unit of distances."""
-    off = (traits[:, None] - middles) / span
+def _nearest_of_kinds(q: Array, errors: Array, middles: Array, span: Array, count: int) -> Indices:
+    """The `count` rows of q (N, n) with the least errors of each kind, which is that of the
+    nearest of its middles (K, n); span (n,): unit of distances."""
+    off = (q[:, None] - middles) / span
     kind = (off**2).sum(axis=2).argmin(axis=1)
     order = np.argsort(errors, kind="stable")
     return np.concatenate([order[kind[order] == k][:count] for k in range(len(middles))])
 
 
-def _farthest_first(traits: Array) -> list[int]:
-    """The rows of `traits` (N, m): the first, then each that is farthest from all before it."""
-    chosen, near = list[int](), np.full(len(traits), np.inf)
-    for _ in range(len(traits)):
+def _farthest_first(q: Array) -> list[int]:
+    """The rows of q (N, n): the first, then each that is farthest from all before it."""
+    chosen, near = list[int](), np.full(len(q), np.inf)
+    for _ in range(len(q)):
         chosen.append(int(near.argmax()))
-        near = np.minimum(near, np.abs(traits - traits[chosen[-1]]).max(axis=1))
+        near = np.minimum(near, np.abs(q - q[chosen[-1]]).max(axis=1))
         near[chosen] = -1.0
     return chosen

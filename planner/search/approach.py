@@ -84,6 +84,7 @@ def _rounds(problems: NlpCache, start: Start, step: Approach, task: Task) -> Ite
         *_, near = attempts(problems, start, task)
         if near.throw is None and broken is not None:
             # With the further constraint no motion was found from where this round began.
+            yield near
             *_, near = attempts(problems, replace(start, guess=guess_of(broken, task.scene)), task)
         broken = near.throw
         if near.solved and near.throw is not None:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import itemgetter
 
 import numpy as np
 
@@ -34,7 +35,8 @@ from .nlp_cache import NlpCache, Task
 #: Number of sampled releases, and of those that arrive well, from which a solver starts for each
 #: wanted throw.
 STARTS = {"fatrop": 4, "ipopt": 2}
-#: The same among obstacles, each of which parts the motions into those on its one side and other.
+#: The same of FATROP among obstacles, each of which parts the motions into those on its one side
+#: and other; and of a hand, whose NLPs take a third of an arm's time.
 MANY_STARTS = 16
 #: Most sampled releases from which throws to a region are solved, to find the cheapest.
 REGION_STARTS = 8
@@ -100,34 +102,28 @@ class Candidates:
         return (self._entering_as(self.task.target.theta) or self)._arriving
 
     @cached_property
-    def drawn(self) -> list[tuple[Releases, int, Pose, float]]:
-        """(table, release, goal, pose error [m]) of releases drawn towards the target, each of
-        another kind of motion, that which differs most from all before it next."""
+    def drawn(self) -> list[tuple[Releases, int, Pose]]:
+        """(table, release, goal) of releases drawn towards the target, each of another kind of
+        motion, that which differs most from all before it next."""
         task, scene = self.task, self.task.scene
         with task.clock("guess"):
             sampler = ReleaseSampler(scene, self.manipulator)
-            table, chosen = drawn_towards(
-                sampler, self._arriving.releases, self._away, self._traits, DIFFERENT
-            )
+            table, chosen = drawn_towards(sampler, self.arriving.releases, self._away, DIFFERENT)
             landings = table.landings(task.target.z, scene.flight)[:, chosen]
             near = nearest_landings(scene, task.target, task.turns, landings, len(chosen))
-            found = {number: (table, chosen[number], goal, away) for number, goal, away in near}
-        return [found[number] for number in sorted(found)]
-
-    def _traits(self, releases: Releases) -> Array:
-        """Coordinates (N, n) of releases, and (N, n + 1) which end of the bar enters a cup."""
-        if self.task.scene.cup is None:
-            return releases.q
-        landed = releases.landings(self.task.target.z, self.task.scene.flight)[1]
-        return np.column_stack([releases.q, same_end(self.task, landed, 0.0)])
+        return [
+            (table, chosen[number], goal) for number, goal, _ in sorted(near, key=itemgetter(0))
+        ]
 
     def _away(self, releases: Releases) -> Array:
         """Pose errors (N,) [m] of releases' landings, and what `drawn_towards` adds."""
         task, scene, target = self.task, self.task.scene, self.task.target
-        landing = releases.landings(target.z, scene.flight).T
-        errors, _ = landing_errors(scene, target, task.turns, landing.T)
-        for holds in _arrivals(scene, target, releases, landing):
+        landings = releases.landings(target.z, scene.flight)
+        errors, _ = landing_errors(scene, target, task.turns, landings)
+        for holds in _arrivals(scene, target, releases, landings.T):
             errors = errors + UNMET * ~holds
+        if scene.cup is not None and target.theta is not None:
+            errors = errors + UNMET * ~same_end(task, landings[1], target.theta)
         return errors
 
     @cached_property

@@ -161,7 +161,7 @@ class History:
 
     @property
     def drawn(self) -> int:
-        """Number of sampled throws brought near the goal."""
+        """Number of throws drawn towards the goal and brought near."""
         approaches = (one for one in self.tries if isinstance(one, Approach))
         return sum(one.drawn for one in approaches)
 

@@ -88,14 +88,14 @@ class Search:
     def limited(self, step: Try, history: History) -> Try:
         """A try that ends early where it leads to no cheaper throw into a region, or no nearer."""
         if isinstance(step, Approach) and history.new_edges:
-            far = [
-                one
-                for one in history.attempts
-                if one.is_edge and one.missed > SETTINGS.same_distance
-            ]
-            known = tuple(one.edge.pose for one in far if one.edge is not None)
-            most = SETTINGS.hopeless * history.new_edges[0].missed
-            return replace(step, most=most, known=known if step.drawn else ())
+            step = replace(step, most=SETTINGS.hopeless * history.new_edges[0].missed)
+            if step.drawn:
+                ends = (
+                    one.edge for one in history.attempts if one.is_edge and one.edge is not None
+                )
+                far = (one.pose for one in ends if one.missed > SETTINGS.same_distance)
+                step = replace(step, known=tuple(far))
+            return step
         is_compared = self.task.target.is_region and self.task.wanted == 1 and history.found
         if not isinstance(step, Solve) or not is_compared:
             return step
@@ -125,31 +125,40 @@ class Search:
         """Refinement of the next NLP from another motion."""
         return history.refinement(Refinement(frozenset({"passing"})) if self.blocked else BASE)
 
-    @cached_property
-    def approaches(self) -> list[Approach]:
+    def approaches(self) -> Iterator[Approach]:
         """Approaches, in order.
 
-        From a large library; then from the nearest throws of earlier plans and samples; then from a
-        small library; last from its nearest throw with all that constraints cost.
+        From a large library; from throws of earlier plans and samples; from releases drawn towards
+        the target; from a small library; last from its nearest throw with all that constraints
+        cost.
         """
+        if not self.is_sparse and not self.blocked:
+            yield from self.stored
+        yield from self.beside
+        if self.blocked:
+            yield from self.stored
+            return
+        yield from self.drawn
+        if self.is_sparse:
+            yield from self.stored
+        nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
+        yield from (replace(one, light=False) for one in nearest)
+
+    @cached_property
+    def beside(self) -> list[Approach]:
+        """Approaches from throws of earlier plans and from sampled ones that break nothing where
+        they land, nearest first."""
         task, context = self.task, self.context
-        others = list[Approach]()
+        found = list[Approach]()
         if len(task.solvers) > 1:
             for near in self._nearest(context.found, SETTINGS.approaches, math.inf):
-                others.append(Approach(near.goal, near, near.distance, found=True))
+                found.append(Approach(near.goal, near, near.distance, found=True))
         for number, (table, index, goal, pose) in enumerate(self.candidates.judged):
             start = release_start(context.problems, task, table, index, goal)
             away = goal.distance(pose, task.scene.object.half_length)
             start = replace(start, goal=pose, again=True)
-            others.append(Approach(goal, start, away, turns=number == 1))
-        others.sort(key=attrgetter("away"))
-        if self.blocked:
-            return [*others, *self.stored]
-        nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
-        last = [replace(one, light=False) for one in nearest]
-        if self.is_sparse:
-            return [*others, *self.drawn, *self.stored, *last]
-        return [*self.stored, *others, *self.drawn, *last]
+            found.append(Approach(goal, start, away, turns=number == 1))
+        return sorted(found, key=attrgetter("away"))
 
     @cached_property
     def drawn(self) -> list[Approach]:
@@ -161,8 +170,8 @@ class Search:
             return []
         problems, task = self.context.problems, self.task
         return [
-            Approach(goal, release_start(problems, task, table, index, goal), away, drawn=True)
-            for table, index, goal, away in self.candidates.drawn
+            Approach(goal, release_start(problems, task, table, index, goal), math.inf, drawn=True)
+            for table, index, goal in self.candidates.drawn
         ]
 
     @property
@@ -206,7 +215,7 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        Many sampled starts lead nowhere, or of an arm with a dense library one does and the nearest
+        Many sampled throws lead nowhere, or of an arm with a dense library one does and the nearest
         landings agree; one of these is new, as throws of earlier plans may be alike. No throw of
         the library that was not led, nor a sampled one that arrives as a throw to the target would,
         is nearer.
@@ -226,7 +235,8 @@ class Search:
 
     @property
     def sure_distance(self) -> float:
-        """Least pose error [m] of the nearest landing for which vain starts are evidence."""
+        """Least pose error [m] of the nearest landing for which sampled throws that lead nowhere
+        are evidence."""
         return SETTINGS.same_distance if self.task.scene.cup is None else SETTINGS.cup_distance
 
     def are_starts_vain(self, history: History) -> bool:

@@ -67,6 +67,8 @@ def test_nothing_is_compiled_later_without_compiler_or_folder(
     variables, tmp_path, monkeypatch
 ) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    # Another test's compilation may be under way.
+    monkeypatch.setattr(machine_code, "_ONE_LATER", threading.Lock())
     for name, value in {"PATH": str(tmp_path), **variables}.items():
         monkeypatch.setenv(name, value)
     found = compiled_later("key", derived())

@@ -205,6 +205,11 @@ def test_a_slanted_bar_enters_a_cup_beside_the_edge_that_it_leans_away_from(
     assert plan.solved, plan.message
 
 
+def test_a_bar_without_width_enters_a_cup() -> None:
+    scene = varied(tp.load_scene("cup"), object={"width": 0.0})
+    assert tp.Planner(scene, library=False).plan().solved
+
+
 # Several throws, warm plans, models.
 
 
@@ -372,7 +377,7 @@ def test_releases_drawn_towards_a_target_land_nearer_and_each_moves_otherwise(po
         return scene.object.pose_error(*target.miss(x, theta))
 
     sampler = ReleaseSampler(scene, manipulator)
-    drawn, chosen = drawn_towards(sampler, table, away, lambda one: one.q, 0.25)
+    drawn, chosen = drawn_towards(sampler, table, away, 0.25)
     found = drawn.picked(chosen)
     errors, (q, dq) = away(found), (found.q, found.dq)
     order = np.argsort(away(table))

@@ -23,9 +23,9 @@ ARRIVAL_MARGIN = 1e-3
 DEPTHS = (4, 12)
 #: Margin [m] to rim and wall: covers the motion between depths; `request.CUP` adds to it.
 CUP_MARGIN = 0.001
-#: Room [half widths] at a rim's edge that lies half a width before the bar's lower end: steep
-#: enough that such an edge binds at no angle.
-BEFORE = 4.0
+#: Room [radii] at a rim's edge that lies one radius before the bar's lower end: steep enough that
+#: such an edge binds at no angle.
+BEFORE = 25.0
 #: Points of each capsule of an outline that are kept off wall and rim.
 CUP_POINTS = 5
 #: Height [radii] over the rim from which a disc is free. The bound keeps the series small.
@@ -184,7 +184,7 @@ class CupClearance(SceneConstraint):
             for side, bound in ((-1, "low"), (1, "high")):
                 edge = cup_x + side * up * radius - at.x - lower * cos
                 before = ca.fmax(-up * (edge * cos + depth * sin), 0.0)
-                room = free + BEFORE * before**2 / half_width
+                room = free + BEFORE * before**2 / radius
                 flight.subject_to("cup clearance", (offset - side * room) / radius, **{bound: 0.0})
 
     def _outline_in(self, flight: Flight, cup_at: Callable[[ca.SX], ca.SX]) -> None:
