@@ -28,7 +28,7 @@ SETTINGS = TowardsSettings()
 
 
 def kinds(q: Array, share: float) -> list[int]:
-    """The first row of q (N, n) of each kind, which differ in one column by a share of its range."""
+    """The first row of q (N, n) of each kind: they differ in a column by a share of its range."""
     apart = share * np.ptp(q, axis=0) if len(q) else 0.0
     chosen, free = list[int](), np.ones(len(q), bool)
     while free.any():

@@ -97,9 +97,11 @@ def from_beside(search: Search, history: History) -> Try | None:
 
 
 def from_edge(search: Search, history: History) -> Try | None:
-    """The nearest landing to a target that is out of reach, or so near that sampled throws that lead
-    nowhere are no evidence, brought as near to it as limits let it at any effort; throws of a
-    library's boundary stay as they are."""
+    """The nearest landing, brought as near to the target as limits let it at any effort; of one out
+    of reach, or so near that sampled throws that lead nowhere are no evidence.
+
+    Throws of a library's boundary stay as they are.
+    """
     is_done = any(isinstance(one, Approach) and one.is_last for one in history.tries)
     if is_done or history.found or not (history.edges and search.is_sparse) or search.blocked:
         return None
