@@ -115,10 +115,9 @@ class Planner:
         """A throw to `target` (the scene's by default), with its status.
 
         Always returns; raises InputError only for wrong input. target: a `Pose` or a `Region`, or
-        an array of x, z [m] and theta [rad]. solver: 'auto' is FATROP, IPOPT too for a named
-        robust method.
-        turns: 'any' takes theta modulo full turns. warm: a solved plan of this scene for a target
-        nearby. alternatives: number of further throws to look for, each different, for
+        an array of x, z [m] and theta [rad]. solver: 'auto' is FATROP, IPOPT too for a named robust
+        method. turns: 'any' takes theta modulo full turns. warm: a solved plan of this scene for a
+        target nearby. alternatives: number of further throws to look for, each different, for
         `Plan.alternatives`. robust: a method of [robust], instead of the scene's. patience [s]:
         time limit, without building; by default 6 s, 20 s for several throws. start: a state of
         motion in which the throw begins at its time 0, instead of the scene's start; `warm` is then
