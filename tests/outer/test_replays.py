@@ -275,11 +275,15 @@ def test_an_object_at_its_pick_is_met_by_the_one_that_is_carried_through_it(cycl
 @pytest.mark.slow
 @pytest.mark.parametrize("velocity", ["", ", velocity = [0.02]"])
 def test_what_falls_into_a_cup_lies_on_what_is_in_it(velocity, tmp_path) -> None:
-    """Also in a cup that moves; the second object stands far from the first one's way."""
+    """Also in a cup that moves; the second object stands far from the first one's way.
+
+    Where the second leans at last is decided by digits of its throw beyond 1e-9.
+    """
     (tmp_path / "jobs.toml").write_text(INTO_CUP.format(velocity=velocity))
     cycle = tp.plan_cycle(tp.load_jobs(tmp_path / "jobs.toml"))
     assert cycle.solved, cycle.message
     first, second = replay_cycle(cycle).replays
     assert first.hits == [] and first.inside and first.rest.inside and first.rest.at_rest
-    assert second.collisions["carried"] == () and second.rest.inside and second.rest.at_rest
+    assert second.collisions["carried"] == () and second.rest.entered
+    assert second.rest.pose[2] > first.rest.pose[2]
     assert f"object {cycle.steps[0].pick}" in second.touched
