@@ -92,7 +92,15 @@ class GripperLink:
         return 0.0 if self.ordered is None else self.ordered - self._due
 
     def _failure(self, words: str) -> InputError:
+        if "timed out" in words and not self.states:
+            return self._silent()
         return InputError(f"{self.host}: gripper: {words}: see Desk for its state")
+
+    def _silent(self) -> InputError:
+        return InputError(
+            f"{self.host}: port {PORT} is open and sends nothing: check that it is a "
+            "Franka's address"
+        )
 
     def update(self, patience: float = 0.0) -> bool:
         """Take what has arrived, and wait up to `patience` [s] for the first; whether there was
@@ -119,10 +127,7 @@ class GripperLink:
         begin = time.monotonic()
         while not self.states or self.states[-1].time < begin:
             if not self.update(PATIENCE):
-                raise InputError(
-                    f"{self.host}: port {PORT} is open and sends nothing: check that it is a "
-                    "Franka's address"
-                )
+                raise self._silent()
         return self.states[-1]
 
     def homed_state(self) -> GripperState:
