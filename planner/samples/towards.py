@@ -15,6 +15,10 @@ from .sampling import ReleaseSampler
 UNMET = 1000.0
 
 
+#: Releases are of different kinds if a coordinate differs by this share of its range among them.
+DIFFERENT = 0.25
+
+
 @dataclass(frozen=True)
 class TowardsSettings:
     """Rounds of draws, states drawn in each, and releases of a kind beside which they are drawn."""
@@ -27,9 +31,9 @@ class TowardsSettings:
 SETTINGS = TowardsSettings()
 
 
-def kinds(q: Array, share: float) -> list[int]:
-    """The first row of q (N, n) of each kind: they differ in a column by a share of its range."""
-    apart = share * np.ptp(q, axis=0) if len(q) else 0.0
+def kinds(q: Array) -> list[int]:
+    """The first row of q (N, n) of each kind."""
+    apart = DIFFERENT * np.ptp(q, axis=0) if len(q) else 0.0
     chosen, free = list[int](), np.ones(len(q), bool)
     while free.any():
         chosen.append(int(free.argmax()))
@@ -38,22 +42,21 @@ def kinds(q: Array, share: float) -> list[int]:
 
 
 def drawn_towards(
-    sampler: ReleaseSampler, releases: Releases, away: Callable[[Releases], Array], share: float
+    sampler: ReleaseSampler, releases: Releases, away: Callable[[Releases], Array]
 ) -> tuple[Releases, list[int]]:
     """Releases that land nearer to a target, and the numbers of the nearest of each kind, in order.
 
     away: pose errors (N,) [m] of releases' landings, and `UNMET` for each condition that a release
-    does not keep on its way; NaN for those that do not land. share: as of `kinds`. Of the best
-    those that keep most conditions are returned: first the nearest of all; each next one differs
-    most in its coordinates from those before it, as limits hold motions that are alike short of a
-    target at one place.
+    does not keep on its way; NaN for those that do not land. Of the best those that keep most
+    conditions are returned: first the nearest of all; each next one differs most in its coordinates
+    from those before it, as limits hold motions that are alike short of a target at one place.
     """
     rng = np.random.default_rng(0)
     found, errors = _arriving(releases, away)
     if not len(errors):
         return found, []
     nearest = found.q[np.argsort(errors, kind="stable")]
-    middles, span = nearest[kinds(nearest, share)], np.ptp(nearest, axis=0) + 1e-9
+    middles, span = nearest[kinds(nearest)], np.ptp(nearest, axis=0) + 1e-9
     for _ in range(SETTINGS.rounds):
         parents = _nearest_of_kinds(found.q, errors, middles, span, SETTINGS.parents)
         found, errors = found.picked(parents), errors[parents]

@@ -12,7 +12,7 @@ from operator import itemgetter
 import numpy as np
 
 from ...models import Array, Flags
-from ...problems import Pose, Scene
+from ...problems import Pose
 from ..library import landing_errors, nearest_landings
 from ..result import PlannedThrow
 from ..samples import (
@@ -43,8 +43,6 @@ REGION_STARTS = 8
 #: Nearest sampled throws of which starts are chosen, and of which collisions with obstacles are
 #: checked.
 NEAR, CLEARED = 400, 40
-#: Two releases differ if a coordinate does by this share of its range among the near ones.
-DIFFERENT = 0.25
 #: Most sampled throws that are judged.
 JUDGED = 150
 #: Judging ends with this number of sampled throws that break nothing.
@@ -81,7 +79,7 @@ class Candidates:
         task, scene = self.task, self.task.scene
         found = starts(self.releases, scene, task.target, task.turns, NEAR)
         q = self.releases.q[[index for index, *_ in found]]
-        chosen = kinds(q, DIFFERENT)
+        chosen = kinds(q)
         others = sorted(set(range(len(found))) - set(chosen))
         found = [found[k] for k in (*chosen, *others)]
         if not scene.obstacle:
@@ -94,12 +92,12 @@ class Candidates:
 
     @cached_property
     def arriving(self) -> Candidates:
-        """The releases that clear arm and column, land on the target's side of it, and enter a cup
-        at their landing with the end first that the target has. A condition that no release meets
-        is ignored."""
-        if self.task.scene.cup is None or self.task.target.theta is None:
-            return self._arriving
-        return (self._entering_as(self.task.target.theta) or self)._arriving
+        """The releases that keep `_arrivals`; a condition that none keeps is ignored."""
+        landing = self.releases.landings(self.task.target.z, self.task.scene.flight).T
+        good = np.isfinite(landing[:, 2])
+        for holds in _arrivals(self.task, self.releases, landing):
+            good = good & holds if (good & holds).any() else good
+        return replace(self, releases=self.releases.picked(good))
 
     @cached_property
     def drawn(self) -> list[tuple[Releases, int, Pose]]:
@@ -108,7 +106,7 @@ class Candidates:
         task, scene = self.task, self.task.scene
         with task.clock("guess"):
             sampler = ReleaseSampler(scene, self.manipulator)
-            table, chosen = drawn_towards(sampler, self.arriving.releases, self._away, DIFFERENT)
+            table, chosen = drawn_towards(sampler, self.arriving.releases, self._away)
             landings = table.landings(task.target.z, scene.flight)[:, chosen]
             near = nearest_landings(scene, task.target, task.turns, landings, len(chosen))
         return [
@@ -117,46 +115,22 @@ class Candidates:
 
     def _away(self, releases: Releases) -> Array:
         """Pose errors (N,) [m] of releases' landings, and what `drawn_towards` adds."""
-        task, scene, target = self.task, self.task.scene, self.task.target
-        landings = releases.landings(target.z, scene.flight)
-        errors, _ = landing_errors(scene, target, task.turns, landings)
-        for holds in _arrivals(scene, target, releases, landings.T):
-            errors = errors + UNMET * ~holds
-        if scene.cup is not None and target.theta is not None:
-            errors = errors + UNMET * ~same_end(task, landings[1], target.theta)
-        return errors
+        task = self.task
+        landings = releases.landings(task.target.z, task.scene.flight)
+        errors, _ = landing_errors(task.scene, task.target, task.turns, landings)
+        unmet = (~holds for holds in _arrivals(task, releases, landings.T))
+        return errors + UNMET * sum(unmet, np.zeros(len(errors)))
 
     @cached_property
     def judged(self) -> list[_Judged]:
         """(table, release, goal, landing) of near throws that arrive, differ and break nothing
         where they land."""
-        return self.arriving._sound()
-
-    def _entering_as(self, theta: float) -> Candidates | None:
-        """The releases that land in the half turn of an angle [rad], so with the same end of the
-        bar lower; None without any."""
-        landed = self.releases.landings(self.task.target.z, self.task.scene.flight)[1]
-        chosen = np.isfinite(landed) & same_end(self.task, landed, theta)
-        return replace(self, releases=self.releases.picked(chosen)) if chosen.any() else None
-
-    @cached_property
-    def _arriving(self) -> Candidates:
-        """The releases that arrive well with either end of the bar first."""
-        scene, target, releases = self.task.scene, self.task.target, self.releases
-        landing = releases.landings(target.z, scene.flight).T
-        good = np.isfinite(landing[:, 2])
-        for holds in _arrivals(scene, target, releases, landing):
-            good = good & holds if (good & holds).any() else good
-        return replace(self, releases=releases.picked(good))
-
-    def _sound(self) -> list[_Judged]:
-        """The first of the releases that break nothing."""
-        sound = list[_Judged]()
-        for index, goal, _ in self.different[:JUDGED]:
+        arriving, sound = self.arriving, list[_Judged]()
+        for index, goal, _ in arriving.different[:JUDGED]:
             with self.task.clock("guess"):
-                pose = self._sound_landing(index, goal)
+                pose = arriving._sound_landing(index, goal)
             if pose is not None:
-                sound.append((self.releases, index, goal, pose))
+                sound.append((arriving.releases, index, goal, pose))
             if len(sound) == SOUND:
                 break
         return sound
@@ -180,9 +154,16 @@ def same_end(task: Task, landed: Array, theta: float) -> Flags:
     return alike
 
 
-def _arrivals(scene: Scene, target: Pose, releases: Releases, landing: Array) -> Iterator[Flags]:
-    """Flags (N,) of the releases that keep each condition on the way to the target."""
-    has_column = column_of(scene) is not None
+def _arrivals(task: Task, releases: Releases, landing: Array) -> Iterator[Flags]:
+    """Flags (N,) of the releases that keep each condition on the way to the target: they enter a
+    cup with the end first that the target has, land on the target's side of the base column, enter
+    the cup at their landing, and clear arm and column.
+
+    landing (N, 3): x [m], theta [rad] and flight time [s].
+    """
+    scene, target, has_column = task.scene, task.target, column_of(task.scene) is not None
+    if scene.cup is not None and target.theta is not None:
+        yield same_end(task, landing[:, 1], target.theta)
     if has_column:
         yield np.sign(landing[:, 0]) == np.sign(target.plane_x)
     if scene.cup is not None:

@@ -36,8 +36,8 @@ class SearchSettings:
     they are nearer to each other than `same_side` of that (of a hand 4 of 34 such answers were
     false). Inside the base column the search ends with a landing of a led throw, or after
     `column_approaches`. An approach that limits hold farther off than `hopeless` times the nearest
-    landing of an NLP ends. dense: throws of a library
-    whose reach is known by them; dense_in_x: with theta open.
+    landing of an NLP ends. dense: throws of a library whose reach is known by them; dense_in_x:
+    with theta open.
     """
 
     moves: int = 4

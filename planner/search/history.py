@@ -162,8 +162,7 @@ class History:
     @property
     def drawn(self) -> int:
         """Number of throws drawn towards the goal and brought near."""
-        approaches = (one for one in self.tries if isinstance(one, Approach))
-        return sum(one.drawn for one in approaches)
+        return sum(isinstance(one, Approach) and one.drawn for one in self.tries)
 
     @property
     def iterations(self) -> int:

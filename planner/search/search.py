@@ -134,7 +134,7 @@ class Search:
         """
         if not self.is_sparse and not self.blocked:
             yield from self.stored
-        yield from self.beside
+        yield from self.nearby
         if self.blocked:
             yield from self.stored
             return
@@ -145,7 +145,7 @@ class Search:
         yield from (replace(one, light=False) for one in nearest)
 
     @cached_property
-    def beside(self) -> list[Approach]:
+    def nearby(self) -> list[Approach]:
         """Approaches from throws of earlier plans and from sampled ones that break nothing where
         they land, nearest first."""
         task, context = self.task, self.context

@@ -377,11 +377,11 @@ def test_releases_drawn_towards_a_target_land_nearer_and_each_moves_otherwise(po
         return scene.object.pose_error(*target.miss(x, theta))
 
     sampler = ReleaseSampler(scene, manipulator)
-    drawn, chosen = drawn_towards(sampler, table, away, 0.25)
+    drawn, chosen = drawn_towards(sampler, table, away)
     found = drawn.picked(chosen)
     errors, (q, dq) = away(found), (found.q, found.dq)
     order = np.argsort(away(table))
-    sampled = away(table)[order][kinds(table.q[order], 0.25)]
+    sampled = away(table)[order][kinds(table.q[order])]
     assert errors[0] == errors.min() <= sampled[0]
     assert np.median(errors) < 0.8 * np.nanmedian(sampled)
     assert len(chosen) > 5 and len({q[k].tobytes() for k in range(len(q))}) == len(q)

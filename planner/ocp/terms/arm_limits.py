@@ -116,7 +116,7 @@ class TorqueLimits(SceneConstraint):
         for i in range(brake.ocp.n):
             since = stops - stops[i] + STOP_TIME
             moving = (1 + since / ca.sqrt(since**2 + STOP_TIME**2 / 4)) / 2
-            moving[i] = 1.0
+            moving[i] = 1.0  # Until then it decelerates in full.
             share = ca.fmin(stops[i] / stops, 1.0)
             place_then = place + rate * stops * (share - share**2 / 2)
             _limit_torques(brake, place_then, rate * (1 - share), moving * deceleration)
