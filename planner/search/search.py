@@ -227,7 +227,7 @@ class Search:
         is_started = bool(history.solves_from("samples"))
         are_alike = is_arm and is_started and not self.is_sparse and self.are_alike(history)
         is_vain = least >= self.sure_distance and self.are_starts_vain(history)
-        is_vain = is_vain and self._is_new(history)
+        is_vain = is_vain and self._is_new(history) and len(history.new_edges) > 1
         if not (are_alike or is_vain) or self._may_pass(history):
             return False
         sampled = [away for _, _, away in self.candidates.arriving.nearest]
@@ -282,10 +282,11 @@ class Search:
         """Whether the nearest landing, once no try is left, is the nearest possible.
 
         Millimetres from it another motion may still reach the target. Throws of earlier plans alone
-        show nothing, and no throw of the library may land nearer.
+        show nothing, nor does one landing where all other approaches found no motion. No throw of
+        the library may land nearer.
         """
         least = history.edges[0].missed
-        ended = least >= self.sure_distance and bool(history.new_edges)
+        ended = least >= self.sure_distance and len(history.new_edges) > 1
         ended = ended and not self.task.clock.late
         is_nearest = self._is_nearest(least, [one.distance for one in self._stored(history)])
         ends = (self.blocked or ended) and is_nearest and not self._may_pass(history)
