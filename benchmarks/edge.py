@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from throwplan import Obstacle, Planner, Pose, ReachMap, Scene, load_scene, reach_map
+from throwplan.planner.planner import SAMPLES
+from throwplan.planner.samples import Releases, ReleaseSampler
 from throwplan.planner.search import (
     FROM_NOTHING,
     Clock,
@@ -82,7 +84,10 @@ class _Truth:
 
 
 class _Endless(Search):
-    """A search that ends with a throw, or without time or a further start."""
+    """A search that ends with a throw, or without time or a further start.
+
+    It begins from sampled releases of its own: those of a planner would fail where the plan did.
+    """
 
     def is_settled(self, history: History) -> bool:
         """Never: no evidence is enough."""
@@ -194,7 +199,7 @@ def _truth(name: str, target: Pose, answers: tuple[_Answer, ...], seconds: float
     lever, solved = load_scene(name).object.half_length, any(a.status == "solved" for a in answers)
     known = [target.distance(a.nearest, lever) for a in answers if a.nearest is not None]
     if seconds:
-        history = _search(_Endless, name, target, seconds, starts=5)
+        history = _search(_Endless, name, target, seconds, starts=5, seed=1)
         solved = bool(history.found)
         known += [edge.missed for edge in history.edges]
     others = [
@@ -208,12 +213,12 @@ def _truth(name: str, target: Pose, answers: tuple[_Answer, ...], seconds: float
 
 
 def _search(
-    kind: type[Search], name: str, target: Pose, seconds: float, starts: int = 1
+    kind: type[Search], name: str, target: Pose, seconds: float, starts: int = 1, seed: int = 0
 ) -> History:
     """The search of a planner that has planned nothing else; starts: that it may try, as of a plan
-    for so many throws."""
+    for so many throws; seed: of its sampled releases, 0 for a planner's."""
     planner = _planner_of(name)
-    context = SearchContext(planner.problems, planner.releases, keep=False)
+    context = SearchContext(planner.problems, lambda: _releases_of(name, seed), keep=False)
     scene, clock = planner.scene.aimed_at(target), Clock.lasting(seconds)
     task = Task(scene, target, clock=clock, wanted=starts)
     return find_throws(kind(context, task), FROM_NOTHING, History())
@@ -223,6 +228,14 @@ def _search(
 def _planner_of(name: str) -> Planner:
     """A process's planner of a scene, for its NLPs."""
     return Planner(name, library=False)
+
+
+@lru_cache(maxsize=2)
+def _releases_of(name: str, seed: int) -> Releases:
+    """As many sampled releases as a planner's."""
+    planner = _planner_of(name)
+    sampler = ReleaseSampler(planner.scene, planner.manipulator)
+    return sampler.draw(SAMPLES, seed) if seed else planner.releases()
 
 
 def _row(

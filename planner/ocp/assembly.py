@@ -11,15 +11,15 @@ block diagonal. Stages of one kind share symbols, functions and compiled code.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ...core.compile import digest, source_of
 from ...models import Array
-from .stage_functions import Shared, StageFunctions, differentiate, substitute_lifted
+from .stage_functions import Shared, StageFunctions, substitute_lifted
 from .stages import Block, Layout, Parameters, Stage, Structure
 
 
@@ -47,11 +47,12 @@ class Link:
 class Nlp(Layout):
     """An assembled NLP.
 
-    problem: x, p, f, g (MX) for `casadi.nlpsol`; row_names, lbg, ubg: one entry per row of g;
-    landing: function (x, p) -> landing pose (x, z, theta).
+    x, p: symbols of variables and parameters; row_names, lbg, ubg: one entry per row of g; landing:
+    function (x, p) -> landing pose (x, z, theta).
     """
 
-    problem: dict[str, ca.MX]
+    x: ca.MX
+    p: ca.MX
     parameters: Parameters
     links: list[Link]
     row_names: list[str]
@@ -64,6 +65,23 @@ class Nlp(Layout):
         """Numbers of states, controls and rows of each stage."""
         states, controls, rows = zip(*(link.stage.sizes for link in self.links), strict=True)
         return list(states), list(controls), list(rows)
+
+    @property
+    def kinds(self) -> list[StageFunctions]:
+        """The functions of its stages, each once, those of most stages first."""
+        return [
+            functions for functions, _ in Counter(x.functions for x in self.links).most_common()
+        ]
+
+    @property
+    def problem(self) -> dict[str, ca.MX]:
+        """x, p, f, g for `casadi.nlpsol`, of the stages' functions as they are now."""
+        values = [
+            link.functions.code["value"](*link.arguments(self.x, self.p)) for link in self.links
+        ]
+        costs, outputs = zip(*values, strict=True)
+        g = _ahead(self.links) @ self.x + ca.vertcat(*outputs)
+        return {"x": self.x, "p": self.p, "f": sum(costs[1:], costs[0]), "g": g}
 
     @property
     def layout(self) -> Layout:
@@ -111,17 +129,13 @@ def assemble(
         functions, used = kinds[id(stage)]
         links.append(Link(functions, stage, *parts, data, used))
     x, p = ca.MX.sym("x", end), ca.MX.sym("p", symbol.numel())
-    values = [link.functions.value(*link.arguments(x, p)) for link in links]
-    costs, outputs = zip(*values, strict=True)
-    problem = {"x": x, "p": p, "f": sum(costs[1:], costs[0])}
-    problem["g"] = _ahead(links) @ x + ca.vertcat(*outputs)
     expanded = substitute_lifted([landing], stages[at].lifted)
     pose = ca.Function("pose", [stages[at].variables, symbol], expanded)
     landed = ca.Function("landing", [x, p], [pose(x[links[at].v], p)])
     names, low, high = zip(*rows, strict=True)
     bounds = np.array(low), np.array(high)
     size = end, len(rows)
-    return Nlp(structure, blocks, size, problem, parameters, links, list(names), *bounds, landed)
+    return Nlp(structure, blocks, size, x, p, parameters, links, list(names), *bounds, landed)
 
 
 def _ahead(links: list[Link]) -> ca.DM:
@@ -132,26 +146,18 @@ def _ahead(links: list[Link]) -> ca.DM:
     return ca.DM.triplet(rows, columns, ca.DM.ones(len(rows)), last.rows.stop, last.v.stop)
 
 
-def nlp_key(nlp: Nlp, solver: str) -> str:
-    """Cache key of `nlp_functions`: a text of all that it depends on."""
-    links = nlp.links
-    kinds = {link.functions: link.functions.value.serialize() for link in links}
-    chain = [(link.v, link.gap, link.rows, link.data, link.parameters) for link in links]
-    order = [list(kinds).index(link.functions) for link in links]
-    return repr((solver, digest(source_of(differentiate)), list(kinds.values()), order, chain))
-
-
 def nlp_functions(nlp: Nlp, solver: str) -> dict[str, ca.Function]:
     """The functions of a solver plug-in, by its names; they replace those it derives itself."""
-    x, p, ahead = nlp.problem["x"], nlp.problem["p"], _ahead(nlp.links)
+    x, p, ahead = nlp.x, nlp.p, _ahead(nlp.links)
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.size[1])
     costs, jacobians, lagrangians = list[ca.MX](), list[Any](), list[Any]()
     for link in nlp.links:
         arguments = link.arguments(x, p)
         multipliers = ca.vertcat(lam_f, lam_g[link.gap.start : link.rows.stop])
-        costs.append(link.functions.cost_gradient(*arguments))
-        jacobians.append(link.functions.jacobian(*arguments))
-        lagrangians.append(link.functions.hessian(*arguments, multipliers))
+        code = link.functions.code
+        costs.append(code["cost_gradient"](*arguments))
+        jacobians.append(code["jacobian"](*arguments))
+        lagrangians.append(code["hessian"](*arguments, multipliers))
     outputs, slopes = zip(*jacobians, strict=True)
     gradients, hessians = zip(*lagrangians, strict=True)
     hessian = ca.diagcat(*hessians)

@@ -13,16 +13,15 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, wait
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
 
-from ...core.compile import compiled, compiled_later
 from ...interrupts import INTERRUPTS
 from ...models import Array, ReadOnly
-from .assembly import Nlp, nlp_functions, nlp_key
+from .assembly import Nlp, nlp_functions
 
 
 @dataclass(frozen=True)
@@ -61,14 +60,6 @@ class CallLimits:
 
 
 LIMITS = CallLimits()
-
-#: Processor time [s] of solves after which functions are compiled, while further ones go on: about
-#: what compiling takes, so that a program that ends then has lost no more. Machine code halves or
-#: thirds the time of an iteration.
-WORTH = 4.0
-
-#: Names of the functions of `nlp_functions`.
-NAMES = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l", "nlp_grad")
 
 Result = TypeVar("Result")
 
@@ -179,20 +170,15 @@ class WarmStart:
 class Solver:
     """One NLP with its functions, for FATROP or IPOPT.
 
-    name: "fatrop" or "ipopt". The functions are machine code if the cache has them compiled.
+    name: "fatrop" or "ipopt".
     """
 
     def __init__(self, nlp: Nlp, name: str) -> None:
         self.nlp = nlp
         self.name = name
-        self._functions = self._functions_of(make=False)
         self._plugins: dict[Barrier, ca.Function] = {}
         self._evaluation = np.inf
-        # Processor time [s] of all solves, the compilation that it was worth, and whether that has
-        # ended, or is not needed.
-        self._spent = 0.0
-        self._compiling: Future[bool] | None = None
-        self._is_settled = self._functions["nlp_f"].class_name() == "External"
+        self._make_functions()
 
     def solve(
         self,
@@ -204,7 +190,9 @@ class Solver:
     ) -> Solution:
         """Solves from a guess (n,) or from a solution; seconds: wall time limit [s]."""
         INTERRUPTS.check()
-        self._adopt_machine_code()
+        if any(kind.code is not code for kind, code in zip(self._kinds, self._codes, strict=True)):
+            # Some have become machine code.
+            self._make_functions()
         start_time, end = processor_time(), time.perf_counter() + seconds
         arguments: dict[str, Any] = {"p": parameters, "lbg": self.nlp.lbg, "ubg": self.nlp.ubg}
         arguments |= {"lbx": bounds[0], "ubx": bounds[1]}
@@ -228,7 +216,8 @@ class Solver:
             iterations += int(stats.get("iter_count", 0))
             if stats["success"]:
                 break
-        self._spent += processor_time() - start_time
+        for kind in self._kinds:
+            kind.spend(processor_time() - start_time)
         optimum, lam_g, lam_x = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
         success = bool(stats["success"]) and bool(np.isfinite(optimum).all())
         return Solution(optimum, lam_g, lam_x, float(result["f"]), success, iterations)
@@ -298,31 +287,18 @@ class Solver:
         # IPOPT has the upper triangle.
         return hessian + np.triu(hessian, 1).T if self.name == "ipopt" else hessian
 
-    def _adopt_machine_code(self) -> None:
-        """Has the functions compiled once the solves have taken as long as that takes, and uses
-        them once they are."""
-        if self._spent < WORTH or self._is_settled:
-            return
-        if self._compiling is None:
-            self._compiling = compiled_later(self._key, self._functions)
-        elif self._compiling.done():
-            self._is_settled = True
-            if self._compiling.result():
-                self._functions = self._functions_of(make=False)
-                self._plugins.clear()
-
-    @cached_property
-    def _key(self) -> str:
-        return nlp_key(self.nlp, self.name)
-
     def compile(self) -> None:
         """Compiles the functions, in some seconds; nothing without a compiler, or if compiled."""
-        self._functions = self._functions_of(make=True)
-        self._plugins.clear()
+        for kind in self._kinds:
+            kind.compile()
+        self._make_functions()
 
-    def _functions_of(self, make: bool) -> dict[str, ca.Function]:
-        functions = partial(nlp_functions, self.nlp, self.name)
-        return compiled(self._key, NAMES, functions, make=make)
+    def _make_functions(self) -> None:
+        """Makes the NLP's functions of those of its stages."""
+        self._kinds = self.nlp.kinds
+        self._codes = [kind.code for kind in self._kinds]
+        self._functions = nlp_functions(self.nlp, self.name)
+        self._plugins.clear()
 
     def _max_derivative(self, x: Array, parameters: Array) -> float:
         """Largest derivative of a constraint at x; measures the time of its evaluation."""

@@ -13,12 +13,16 @@ respect to y. On a Panda's opening interval this takes a sixth of the operations
 Constraints at many instants (of the carry, of the flight) are differentiated once, and CasADi's map
 goes through the instants: an NLP with 200 constraints on the hand is derived in 0.5 s instead
 of 5, and its C code is a sixth.
+
+Each kind of stage becomes machine code for itself. Refinements of an NLP, and scenes with the same
+arm, gripper and object, have most kinds in common: of six only the last one, with the flight.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -26,11 +30,18 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...core.compile import digest
+from ...core.compile import compiled, compiled_later, digest, source_of
 from .stages import Instants, Stage
 
 Lifted = list[tuple[ca.SX, ca.SX]]
 
+
+#: Names of the functions of a kind of stages.
+NAMES = ("value", "jacobian", "cost_gradient", "hessian")
+#: Processor time [s] of solves after which a kind is compiled, while further ones go on: about what
+#: that takes, so that a program that ends then has lost no more. Machine code of all kinds halves
+#: or thirds the time of an iteration.
+WORTH = 2.0
 
 #: Functions that NLPs share, by the digest of what they are derived from.
 Shared = dict[str, Any]
@@ -111,8 +122,7 @@ class _GroupFunctions:
 class StageFunctions:
     """CasADi functions of (v, d, p): a kind's variables, its stage's data, parameters.
 
-    parameters (len(p),): indices of p among those of the NLP that they were made for. The outputs
-    are -F_k and the constraints; those of groups come last.
+    parameters (len(p),): indices of p among those of the NLP that they were made for.
     """
 
     def __init__(self, stage: Stage, parameters: ca.SX, shared: Shared) -> None:
@@ -135,12 +145,57 @@ class StageFunctions:
         ]
         self._inputs = [stage.variables, data, parameters[self.parameters]]
         self._once = ca.Function("once", self._inputs, once)
+        groups_key = repr([(group.key, group.indices, group.data) for group in self._groups])
+        #: Digest of all that the functions depend on.
+        self.key = digest(self._once.serialize(), groups_key, repr(self._places))
+        self._spent = 0.0
+        self._later: Future[bool] | None = None
+
+    @cached_property
+    def code(self) -> dict[str, ca.Function]:
+        """The functions, by `NAMES`; machine code if the cache has it.
+
+        value (v, d, p) -> cost, outputs: -F_k and the constraints, those of groups last. jacobian
+        (v, d, p) -> outputs, their Jacobian. cost_gradient (v, d, p), dense. hessian (v, d, p,
+        multipliers of cost and outputs) -> gradient (dense) and Hessian of the Lagrangian.
+        """
+        return self._compiled(make=False)
+
+    def compile(self) -> None:
+        """Compiles the functions, in some seconds; nothing without a compiler, or if compiled."""
+        self.code = self._compiled(make=True)
+
+    def spend(self, seconds: float) -> None:
+        """Counts processor time [s] of solves.
+
+        Once they have taken as long as it takes to compile the functions, this is done beside them,
+        and what was compiled is used from then on.
+        """
+        self._spent += seconds
+        if self._spent < WORTH or self.is_compiled:
+            return
+        if self._later is None:
+            self._later = compiled_later(self._code_key, self.code)
+        elif self._later.done() and self._later.result():
+            self.code = self._compiled(make=False)
 
     @property
-    def key(self) -> str:
-        """Digest of all that the functions depend on."""
-        groups = [(group.key, group.indices, group.data) for group in self._groups]
-        return digest(self._once.serialize(), repr((groups, self._places)))
+    def is_compiled(self) -> bool:
+        """Whether the functions are machine code."""
+        return str(self.code["value"].class_name()) == "External"
+
+    @cached_property
+    def _code_key(self) -> str:
+        return digest(self.key, source_of(differentiate))
+
+    def _compiled(self, make: bool) -> dict[str, ca.Function]:
+        return compiled(self._code_key, NAMES, lambda: self._interpreted, make=make)
+
+    @cached_property
+    def _interpreted(self) -> dict[str, ca.Function]:
+        """The functions as CasADi evaluates them."""
+        functions = self._value(), self._jacobian(), self._cost_gradient(), self._hessian()
+        return dict(zip(NAMES, functions, strict=True))
 
     def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
         """A derivative, a function of (v, d, p, more), written in SX."""
@@ -160,9 +215,7 @@ class StageFunctions:
             stage.variables, stage.lifted, self._outputs, self._multipliers, groups
         )
 
-    @cached_property
-    def value(self) -> ca.Function:
-        """(v, d, p) -> cost, outputs."""
+    def _value(self) -> ca.Function:
         return self._joined("value", lambda v, d, p: self._values(v, d, p)[:2])
 
     def _values(self, v: ca.MX, d: ca.MX, p: ca.MX) -> list[ca.MX]:
@@ -172,9 +225,7 @@ class StageFunctions:
         of_groups = [ca.vec(group.value(z, p[at])) for group, z, at in triples]
         return [cost, ca.vertcat(once, *of_groups), *arguments]
 
-    @cached_property
-    def jacobian(self) -> ca.Function:
-        """(v, d, p) -> outputs, their Jacobian."""
+    def _jacobian(self) -> ca.Function:
         counts = [1, self._outputs.numel() - 1, *(len(group.indices) for group in self._groups)]
         parts = ca.vertsplit(self._derivatives[0], [0, *np.cumsum(counts).tolist()])
         chain = self._function("chain", [], parts[1:])
@@ -188,15 +239,10 @@ class StageFunctions:
 
         return self._joined("jacobian", outputs)
 
-    @cached_property
-    def cost_gradient(self) -> ca.Function:
-        """(v, d, p) -> gradient of the cost, dense."""
-        return self._function("cost", [], [ca.densify(self._derivatives[0][0, :].T)])
+    def _cost_gradient(self) -> ca.Function:
+        return self._function("cost_gradient", [], [ca.densify(self._derivatives[0][0, :].T)])
 
-    @cached_property
-    def hessian(self) -> ca.Function:
-        """(v, d, p, multipliers of cost and outputs) -> gradient (dense) and Hessian of the
-        Lagrangian."""
+    def _hessian(self) -> ca.Function:
         _, gradient, hessian = self._derivatives
         sums = [symbol for group in self._groups for symbol in (group.gradient, group.hessian)]
         whole = self._function("whole", [self._multipliers, *sums], [ca.densify(gradient), hessian])

@@ -19,6 +19,8 @@ import pytest
 import throwplan as tp
 from throwplan import core
 from throwplan.core.compile import c_compiler, compiled, compiled_later, machine_code
+from throwplan.planner.ocp import Request, build_nlp
+from throwplan.planner.throw import make_manipulator
 
 NAMES = ("f", "g")
 ROOT = Path(__file__).parents[2]
@@ -79,7 +81,7 @@ def test_nothing_is_compiled_later_without_compiler_or_folder(
 def test_functions_that_many_solves_use_become_machine_code(tmp_path, monkeypatch) -> None:
     """Plans are the same before and after."""
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
-    monkeypatch.setattr("throwplan.planner.ocp.solver.WORTH", 0.0)
+    monkeypatch.setattr("throwplan.planner.ocp.stage_functions.WORTH", 0.0)
     monkeypatch.setattr(machine_code, "_ONE_LATER", threading.Lock())
     loaded = list[str]()
     external = ca.external
@@ -95,6 +97,23 @@ def test_functions_that_many_solves_use_become_machine_code(tmp_path, monkeypatc
         time.sleep(0.1)
     assert after.solved and loaded
     assert after.to_dict()["release"] == pytest.approx(before.to_dict()["release"], rel=1e-6)
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
+def test_machine_code_serves_refinements_and_scenes(tmp_path, monkeypatch) -> None:
+    """It is that of a kind of stages, which are the same in other NLPs."""
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+
+    def compiled_kinds(name: str, elastic: float = 0.0) -> list[bool]:
+        scene = tp.load_scene(name)
+        request = Request(scene, make_manipulator(scene), scene.target, elastic=elastic)
+        return [kind.is_compiled for kind in build_nlp(request).kinds]
+
+    assert compiled_kinds("cup") == [False] * 6
+    scene = tp.load_scene("cup")
+    build_nlp(Request(scene, make_manipulator(scene), scene.target)).kinds[0].compile()
+    for found in (compiled_kinds("cup", elastic=100.0), compiled_kinds("box")):
+        assert found == [True, *[False] * 5]
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
