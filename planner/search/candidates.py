@@ -44,7 +44,7 @@ REGION_STARTS = 8
 #: checked.
 NEAR, CLEARED = 400, 40
 #: Most sampled throws that are judged.
-JUDGED = 150
+JUDGED = 30
 #: Judging ends with this number of sampled throws that break nothing.
 SOUND = 2
 #: Most NLPs solved from one release, each refined by the check of the one before.
