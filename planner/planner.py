@@ -34,8 +34,10 @@ MOST_ALTERNATIVES = 20
 #: Random states of the table of sampled releases.
 SAMPLES = 20_000
 #: Default patience [s] of a plan of one throw. A process's first answer that a target is out of
-#: reach takes up to 4 s, as nothing is machine code yet.
-PATIENCE = 6.0
+#: reach takes up to 4 s, as nothing is machine code yet; on the slowest machine that we had, 10 s.
+PATIENCE = 10.0
+#: The same of a robust plan.
+ROBUST_PATIENCE = 6.0
 #: Patience [s] of the choice of the throw that stays.
 REST_PATIENCE = 5.0
 #: Default patience [s] of a plan with several throws.
@@ -119,9 +121,9 @@ class Planner:
         method. turns: 'any' takes theta modulo full turns. warm: a solved plan of this scene for a
         target nearby. alternatives: number of further throws to look for, each different, for
         `Plan.alternatives`. robust: a method of [robust], instead of the scene's. patience [s]:
-        time limit, without building; by default 6 s, 20 s for several throws. start: a state of
-        motion in which the throw begins at its time 0, instead of the scene's start; `warm` is then
-        a plan whose motion passes that state.
+        time limit, without building; by default 10 s, 20 s for several throws, 6 s for a robust
+        one. start: a state of motion in which the throw begins at its time 0, instead of the
+        scene's start; `warm` is then a plan whose motion passes that state.
         """
         started = time.perf_counter()
         target = self.check(target)
@@ -136,7 +138,8 @@ class Planner:
             raise InputError("start: a robust plan begins at rest")
         wanted = self._wanted(alternatives)
         solvers = ("fatrop", "ipopt") if solver == "auto" else (solver,)
-        usual = LONG_PATIENCE if wanted > 1 and not method else PATIENCE
+        several = LONG_PATIENCE if wanted > 1 else PATIENCE
+        usual = ROBUST_PATIENCE if method else several
         clock = Clock.lasting(patience or usual)
         task = Task(self.scene.aimed_at(target), target, solvers, clock, turns, wanted)
         built, self._build_time = self._build_time, 0.0

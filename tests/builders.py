@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import throwplan as tp
 from throwplan.models.robot import LinkInertia
 from throwplan.planner.cycle import Cycle
@@ -37,7 +38,12 @@ def request_of(scene: tp.Scene) -> Request:
 
 
 def nlp_of(scene: tp.Scene) -> ThrowNlp:
-    return build_nlp(request_of(scene))
+    """Without machine code, which other tests may have made and CasADi cannot differentiate."""
+    nlp = build_nlp(request_of(scene))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("THROWPLAN_COMPILE", "0")
+        assert not any(kind.is_compiled for kind in nlp.kinds)
+    return nlp
 
 
 def inertia_matrix(link: LinkInertia) -> np.ndarray:

@@ -20,7 +20,7 @@ from .request import Request, Weights, opening_nodes
 from .scene_constraint import BRAKE_SHARE, SceneConstraint
 from .solver import Solution
 from .stage_functions import Shared
-from .stages import JERK_UNIT, Block, Structure
+from .stages import JERK_UNIT, SLACKS, Block, Structure
 from .terms import TERMS
 from .transcription import UNITS, Ocp, grip_instants
 
@@ -78,6 +78,18 @@ class ThrowNlp(Nlp):
         else:
             ddq, jerk = control, 0 * control
         return Trajectory.cubics(request.times(opening_time), q, dq, ddq, jerk), opening_time
+
+    def with_miss(self, x: Array, parameters: Array) -> Array:
+        """Decision vector `x` of an elastic problem, with slacks as large as its landing misses the
+        target."""
+        landed, x = np.array(self.landing(x, parameters)).ravel()[[0, 2]], x.copy()
+        names = [slack.name for slack in SLACKS]
+        for block, _, where in self.blocks:
+            if block.name in names:
+                target = ("target_x", "target_theta")[block.index]
+                over = landed[block.index] - parameters[self.parameters.start(target)]
+                x[where] = max(0.0, over if block.name == names[1] else -over)
+        return x
 
     def decision_vector(
         self,

@@ -318,6 +318,8 @@ class _Solves:
         program, clock = self.program, self.task.clock
         with clock("solve"):
             numbers = program.nlp.parameter_values(replace(self.request, target=goal))
+            if self.start.elastic and not isinstance(begin, WarmStart):
+                begin = program.nlp.with_miss(begin, numbers)
             solve = partial(program.solver.solve, parameters=numbers, bounds=program.limits)
             solution = solve(begin, seconds=clock.left)
             if not solution.success and isinstance(begin, WarmStart) and not self.start.rough:

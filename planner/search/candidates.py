@@ -4,7 +4,7 @@ different motions."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import itemgetter
@@ -94,15 +94,16 @@ class Candidates:
     def arriving(self) -> Candidates:
         """The releases that keep `_arrivals`; a condition that none keeps is ignored."""
         landing = self.releases.landings(self.task.target.z, self.task.scene.flight).T
-        good = np.isfinite(landing[:, 2])
-        for holds in _arrivals(self.task, self.releases, landing):
-            good = good & holds if (good & holds).any() else good
+        good = np.flatnonzero(np.isfinite(landing[:, 2]))
+        for holds in _arrivals(self.task):
+            kept = good[holds(self.releases.picked(good), landing[good])]
+            good = kept if len(kept) else good
         return replace(self, releases=self.releases.picked(good))
 
     @cached_property
-    def drawn(self) -> list[tuple[Releases, int, Pose]]:
-        """(table, release, goal) of releases drawn towards the target, each of another kind of
-        motion, that which differs most from all before it next."""
+    def drawn(self) -> list[tuple[Releases, int, Pose, float]]:
+        """(table, release, goal, pose error [m]) of releases drawn towards the target, each of
+        another kind of motion, that which differs most from all before it next."""
         task, scene = self.task, self.task.scene
         with task.clock("guess"):
             sampler = ReleaseSampler(scene, self.manipulator)
@@ -110,7 +111,8 @@ class Candidates:
             landings = table.landings(task.target.z, scene.flight)[:, chosen]
             near = nearest_landings(scene, task.target, task.turns, landings, len(chosen))
         return [
-            (table, chosen[number], goal) for number, goal, _ in sorted(near, key=itemgetter(0))
+            (table, chosen[number], goal, away)
+            for number, goal, away in sorted(near, key=itemgetter(0))
         ]
 
     def _away(self, releases: Releases) -> Array:
@@ -118,13 +120,12 @@ class Candidates:
         task = self.task
         landings = releases.landings(task.target.z, task.scene.flight)
         errors, _ = landing_errors(task.scene, task.target, task.turns, landings)
-        unmet = (~holds for holds in _arrivals(task, releases, landings.T))
+        unmet = (~holds(releases, landings.T) for holds in _arrivals(task))
         return errors + UNMET * sum(unmet, np.zeros(len(errors)))
 
     @cached_property
     def judged(self) -> list[_Judged]:
-        """(table, release, goal, landing) of near throws that arrive, differ and break nothing
-        where they land."""
+        """Near throws that arrive, differ and break nothing where they land."""
         arriving, sound = self.arriving, list[_Judged]()
         for index, goal, _ in arriving.different[:JUDGED]:
             with self.task.clock("guess"):
@@ -154,23 +155,25 @@ def same_end(task: Task, landed: Array, theta: float) -> Flags:
     return alike
 
 
-def _arrivals(task: Task, releases: Releases, landing: Array) -> Iterator[Flags]:
-    """Flags (N,) of the releases that keep each condition on the way to the target: they enter a
-    cup with the end first that the target has, land on the target's side of the base column, enter
-    the cup at their landing, and clear arm and column.
+def _arrivals(task: Task) -> Iterator[Callable[[Releases, Array], Flags]]:
+    """Conditions on the way to the target: releases enter a cup with the end first that the target
+    has, land on the target's side of the base column, enter the cup at their landing, and clear arm
+    and column.
 
-    landing (N, 3): x [m], theta [rad] and flight time [s].
+    Each gives the flags (N,) of the releases that keep it, for these and landing (N, 3): x [m],
+    theta [rad] and flight time [s].
     """
     scene, target, has_column = task.scene, task.target, column_of(task.scene) is not None
-    if scene.cup is not None and target.theta is not None:
-        yield same_end(task, landing[:, 1], target.theta)
+    theta = target.theta
+    if scene.cup is not None and theta is not None:
+        yield lambda _, landing: same_end(task, landing[:, 1], theta)
     if has_column:
-        yield np.sign(landing[:, 0]) == np.sign(target.plane_x)
+        yield lambda _, landing: np.sign(landing[:, 0]) == np.sign(target.plane_x)
     if scene.cup is not None:
-        yield lands_well(scene, releases.detach, landing)
-    yield releases.clear
+        yield lambda releases, landing: lands_well(scene, releases.detach, landing)
+    yield lambda releases, _: releases.clear
     if has_column:
-        yield flies_past_column(scene, releases.detach, landing[:, 2])
+        yield lambda releases, landing: flies_past_column(scene, releases.detach, landing[:, 2])
 
 
 def release_start(problems: NlpCache, task: Task, table: Releases, index: int, goal: Pose) -> Start:

@@ -56,8 +56,8 @@ class Approach:
     earlier plan. light: end before an NLP for which costly constraints come in, or clearances of
     further bodies. most [m]: end where limits let it come no nearer than this pose error. turns:
     bring the angle to the goal first. prices [1/m]: of the pose error, one after the other. drawn:
-    the source was drawn towards the goal. known: landings of tries before; one that lands at one of
-    these ends after the first price.
+    the source was drawn towards the goal; evident: that it leads nowhere is evidence. known:
+    landings of tries before; one that lands at one of these ends after the first price.
     """
 
     goal: Pose
@@ -69,6 +69,7 @@ class Approach:
     turns: bool = False
     prices: tuple[float, ...] = PRICES
     drawn: bool = False
+    evident: bool = True
     known: tuple[Pose, ...] = ()
 
     @property

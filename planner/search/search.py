@@ -162,17 +162,37 @@ class Search:
 
     @cached_property
     def drawn(self) -> list[Approach]:
-        """Approaches from releases drawn towards the target.
+        """Approaches from releases drawn towards the target, those that are evidence first.
 
         They are drawn without regard to obstacles: among these one of 163 led to its target.
         """
         if self.task.scene.obstacle:
             return []
-        problems, task = self.context.problems, self.task
-        return [
-            Approach(goal, release_start(problems, task, table, index, goal), math.inf, drawn=True)
-            for table, index, goal in self.candidates.drawn
+        problems, task, least = self.context.problems, self.task, self._drawn_within
+        most = least + SETTINGS.farther if self.is_far else math.inf
+        found = [
+            Approach(
+                goal,
+                release_start(problems, task, table, index, goal),
+                math.inf,
+                drawn=True,
+                evident=away <= most,
+            )
+            for table, index, goal, away in self.candidates.drawn
         ]
+        return sorted(found, key=lambda one: not one.evident)
+
+    @property
+    def is_far(self) -> bool:
+        """Whether all releases drawn towards the target land far from it."""
+        return self._drawn_within > SETTINGS.far_distance
+
+    @property
+    def _drawn_within(self) -> float:
+        """Pose error [m] of the nearest drawn release; 0 if there are none."""
+        if self.task.scene.obstacle or self.task.scene.robot is None:
+            return 0.0
+        return min((away for *_, away in self.candidates.drawn), default=0.0)
 
     @property
     def is_sparse(self) -> bool:
@@ -227,7 +247,8 @@ class Search:
         is_started = bool(history.solves_from("samples"))
         are_alike = is_arm and is_started and not self.is_sparse and self.are_alike(history)
         is_vain = least >= self.sure_distance and self.are_starts_vain(history)
-        is_vain = is_vain and self._is_new(history) and len(history.new_edges) > 1
+        is_vain = is_vain and self._are_two(history)
+        is_vain = is_vain and (self.is_far or self._is_new(history))
         if not (are_alike or is_vain) or self._may_pass(history):
             return False
         sampled = [away for _, _, away in self.candidates.arriving.nearest]
@@ -245,7 +266,7 @@ class Search:
         if self.task.scene.obstacle or self.task.scene.robot is None:
             starts = min(MANY_STARTS, len(self.candidates.different))
             return len(history.solves_from("samples")) >= starts
-        return history.drawn > 0 and history.drawn >= len(self.drawn)
+        return history.drawn > 0 and history.drawn >= sum(one.evident for one in self.drawn)
 
     def are_alike(self, history: History) -> bool:
         """Whether the nearest landings agree, one of them new; or the nearest new ones do."""
@@ -264,6 +285,10 @@ class Search:
         is_near = new.missed <= SETTINGS.equal_ratio * nearest.missed
         lever = self.task.scene.object.half_length
         return is_near or (history.leads > 0 and on_one_side(new.miss, nearest.miss, lever))
+
+    def _are_two(self, history: History) -> bool:
+        """Whether two landings short of the target are of new throws; far from it, of any."""
+        return len(history.new_edges) > 1 or (self.is_far and len(history.edges) > 1)
 
     def _is_nearest(self, least: float, known: list[float]) -> bool:
         """Whether no known throw lands nearer to the target than `least` [m]."""
@@ -286,10 +311,10 @@ class Search:
         the library may land nearer.
         """
         least = history.edges[0].missed
-        ended = least >= self.sure_distance and len(history.new_edges) > 1
-        ended = ended and not self.task.clock.late
+        ended = least >= self.sure_distance and not self.task.clock.late
+        ended = self.blocked or (ended and self._are_two(history))
         is_nearest = self._is_nearest(least, [one.distance for one in self._stored(history)])
-        ends = (self.blocked or ended) and is_nearest and not self._may_pass(history)
+        ends = ended and is_nearest and not self._may_pass(history)
         return ends or self.is_settled(history)
 
     def _may_pass(self, history: History) -> bool:
