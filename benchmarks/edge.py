@@ -1,4 +1,4 @@
-"""Section `edge`: is it true what plans say of targets in reach, at its edge and beyond?
+"""Section `edge`: is it true what plans say of targets in reach, at its edge, beyond and far off?
 
 Every target is planned without a library and with one. A target is in reach if any search throws to
 it: either planner, or for some targets `_Endless`, which no evidence ends. The nearest pose that a
@@ -40,12 +40,12 @@ if TYPE_CHECKING:
 
 #: Scenes: quick, full; the first of the full ones is drawn.
 SCENES = ("hand-box",), ("pose", "cup", "box", "flip", "fr3", "hand-flip")
-#: Targets of a scene over its map, and beyond it: quick, full.
-IN_MAP, BEYOND = (6, 167), (4, 84)
-#: Targets beyond are so many bins from the nearest with a landing.
-RING = (2, 4)
-#: Of the targets of a scene that neither planner throws to, those that are searched on for over
-#: the map and beyond; the processor time [s] of such a search: quick, full.
+#: Targets of a scene over its map: quick, full.
+IN_MAP = (6, 167)
+#: Those beyond it: how many, quick and full, so many bins from the nearest with a landing.
+BEYOND = {"beyond": ((4, 84), (2, 4)), "far beyond": ((2, 30), (14, 40))}
+#: Of the targets of a scene that neither planner throws to, those of each kind that are searched on
+#: for; the processor time [s] of such a search: quick, full.
 SEARCHED, SEARCH_TIME = (1, 8), (10.0, 30.0)
 #: Longest time [s] of a plan to a pose that was named as nearest.
 NAMED_TIME = 5.0
@@ -129,7 +129,11 @@ def _asked(name: str, effort: Effort) -> tuple[list[Row], list[Row]]:
     """Counts and times of both planners on a scene; what the one without a library says."""
     scene, count = load_scene(name), effort.of(*IN_MAP)
     found = reach_map(scene, samples=effort.of(*SAMPLED))
-    targets = over_map(found, count) + beyond_map(found, effort.of(*BEYOND))
+    targets, parts = over_map(found, count), {"over the map": slice(0, count)}
+    for words, (counts, ring) in BEYOND.items():
+        begin = len(targets)
+        targets += beyond_map(found, effort.of(*counts), ring)
+        parts[words] = slice(begin, len(targets))
     prepared = Planner(scene)
     throws = prepared.prepare(effort.of(*THROWS))
     planners = {"none": Planner(scene, library=False), f"{throws} throws": prepared}
@@ -140,29 +144,30 @@ def _asked(name: str, effort: Effort) -> tuple[list[Row], list[Row]]:
     pairs = list(zip(*answers.values(), strict=True))
     seconds = [
         effort.of(*SEARCH_TIME) * is_searched
-        for part in (pairs[:count], pairs[count:])
-        for is_searched in _looked_for(part, effort.of(*SEARCHED))
+        for part in parts.values()
+        for is_searched in _looked_for(pairs[part], effort.of(*SEARCHED))
     ]
     jobs = [name] * len(targets), targets, pairs, seconds
     truths, rows = list(shared(_truth, *jobs, quick=effort.quick)), list[Row]()
-    for words, part in (("over the map", slice(0, count)), ("beyond", slice(count, None))):
+    for words, part in parts.items():
         for number, (library, said) in enumerate(answers.items()):
             row: Row = {"scene": name, "targets": words, "library": library}
             rows.append(row | _row(scene, targets[part], said[part], truths[part], number))
     return rows, [_drawn(*one) for one in zip(targets, answers["none"], truths, strict=True)]
 
 
-def beyond_map(found: ReachMap, count: int) -> list[Pose]:
-    """Targets at random places of `count` random bins beside those with a landing."""
+def beyond_map(found: ReachMap, count: int, ring: tuple[int, int]) -> list[Pose]:
+    """Targets at random places of `count` random bins, ring[0] to ring[1] bins from the nearest
+    with a landing."""
     from scipy.ndimage import binary_dilation
 
-    rng, target, most = np.random.default_rng(0), found.scene.target, RING[1]
+    rng, target, most = np.random.default_rng(0), found.scene.target, ring[1]
     assert target is not None
     edges = [found.x_edges] if found.theta_edges is None else [found.x_edges, found.theta_edges]
     widths = [float(some[1] - some[0]) for some in edges]
     landings = found.landings.reshape([len(some) - 1 for some in edges])
     hit, square = np.pad(landings > 0, most), np.ones([3] * len(edges))
-    near, far = (binary_dilation(hit, square, iterations=k) for k in (RING[0] - 1, most))
+    near, far = (binary_dilation(hit, square, iterations=k) for k in (ring[0] - 1, most))
     bins = np.argwhere(far & ~near)
     targets = []
     for chosen in bins[rng.choice(len(bins), count, replace=len(bins) < count)]:
@@ -296,17 +301,16 @@ def _words(rows: Sequence[Row], library: bool, seconds: float) -> str:
             if (row["library"] != "none") == library and targets in ("", row["targets"])
         )
 
-    sizes = {
-        targets: sum(total(key, targets) for key in ("solved", "out of reach", "no answer"))
-        for targets in ("over the map", "beyond")
-    }
+    counts = []
+    for targets in ("over the map", *BEYOND):
+        solved, lost, open_ = (total(k, targets) for k in ("solved", "out of reach", "no answer"))
+        counts.append(
+            f"of {solved + lost + open_} targets {targets} {solved} are solved, {lost} called out "
+            f"of reach and {open_} undecided"
+        )
     return (
-        f"{'With' if library else 'Without'} a library: of {sizes['over the map']} targets over "
-        f"the maps {total('solved', 'over the map')} are solved, "
-        f"{total('out of reach', 'over the map')} called out of reach and "
-        f"{total('no answer', 'over the map')} undecided; of {sizes['beyond']} beyond "
-        f"{total('solved', 'beyond')}, {total('out of reach', 'beyond')} and "
-        f"{total('no answer', 'beyond')}. {total(FALSE)} of {total('out of reach')} answers "
+        f"{'With' if library else 'Without'} a library: {'; '.join(counts)}. "
+        f"{total(FALSE)} of {total('out of reach')} answers "
         f'"out of reach" are false ({total("searched on for")} of them searched on for, '
         f"{seconds:.0f} s each; {total(FAR)} of these named a pose over a tenth too far). "
         f"Of {total('named')} poses named the same planner throws to {total(AGAIN)}, a new one to "

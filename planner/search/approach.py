@@ -55,7 +55,7 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
     if task.scene.cup is not None:
         margins = refinement.margins.replace(cup=ELASTIC_CUP_MARGIN - CUP_MARGIN)
         refinement = Refinement(refinement.lazy | {"flight"}, margins, refinement.bodies)
-    start = Start(goal, guess, "fatrop", refinement, elastic=step.prices[0])
+    start = Start(goal, guess, "fatrop", refinement, elastic=step.prices[0], short=not step.drawn)
     if step.turns and goal.theta is not None:
         made = list(_rounds(problems, replace(start, turning=TURNING), step, task))
         yield from made
@@ -73,7 +73,8 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
         lever = task.scene.object.half_length
         if any(last.edge.pose.distance(one, lever) < SAME_LANDING for one in step.known):
             return
-        start = replace(start, guess=guess_of(last.throw, task.scene), refinement=last.refinement)
+        guess, refinement = guess_of(last.throw, task.scene), last.refinement
+        start = replace(start, guess=guess, refinement=refinement, short=True)
 
 
 def _rounds(problems: NlpCache, start: Start, step: Approach, task: Task) -> Iterator[Attempt]:
@@ -86,6 +87,10 @@ def _rounds(problems: NlpCache, start: Start, step: Approach, task: Task) -> Ite
             # With the further constraint no motion was found from where this round began.
             yield near
             *_, near = attempts(problems, replace(start, guess=guess_of(broken, task.scene)), task)
+        elif near.throw is None and step.drawn:
+            # A motion is found from other starts.
+            yield near
+            *_, near = attempts(problems, replace(start, short=not start.short), task)
         broken = near.throw
         if near.solved and near.throw is not None:
             guess = guess_of(near.throw, task.scene)

@@ -196,13 +196,15 @@ class History:
 
 
 def _edges(entries: Iterable[Entry]) -> list[Attempt]:
-    """The nearest edge of each source, nearest first; a throw that was led and brought near is
-    one."""
+    """The nearest edge of each source, nearest first; a throw that was led and brought near is one,
+    and so is one brought nearer once more."""
     nearest = dict[object, Attempt]()
     for number, entry in enumerate(entries):
         edges = [one for one in entry.attempts if one.is_edge]
         source: object = number
         match entry.done:
+            case Approach(prices=(price,)) if price == LAST_PRICE and nearest:
+                source = min(nearest, key=lambda known: nearest[known].missed)
             case Lead(near) | Approach(source=Neighbour() as near):
                 source = near.landing
         if source in nearest:

@@ -190,7 +190,7 @@ class Search:
     @property
     def _drawn_within(self) -> float:
         """Pose error [m] of the nearest drawn release; 0 if there are none."""
-        if self.task.scene.obstacle or self.task.scene.robot is None:
+        if self.task.scene.obstacle:
             return 0.0
         return min((away for *_, away in self.candidates.drawn), default=0.0)
 
@@ -261,9 +261,10 @@ class Search:
         return SETTINGS.same_distance if self.task.scene.cup is None else SETTINGS.cup_distance
 
     def are_starts_vain(self, history: History) -> bool:
-        """Whether many sampled throws led nowhere: those drawn towards the target; of a hand, and
-        among obstacles, many starts."""
-        if self.task.scene.obstacle or self.task.scene.robot is None:
+        """Whether many sampled throws led nowhere: those drawn towards the target; of a hand near
+        it, and among obstacles, many starts."""
+        is_hand = self.task.scene.robot is None
+        if self.task.scene.obstacle or (is_hand and not self.is_far):
             starts = min(MANY_STARTS, len(self.candidates.different))
             return len(history.solves_from("samples")) >= starts
         return history.drawn > 0 and history.drawn >= sum(one.evident for one in self.drawn)
@@ -287,8 +288,12 @@ class Search:
         return is_near or (history.leads > 0 and on_one_side(new.miss, nearest.miss, lever))
 
     def _are_two(self, history: History) -> bool:
-        """Whether two landings short of the target are of new throws; far from it, of any."""
-        return len(history.new_edges) > 1 or (self.is_far and len(history.edges) > 1)
+        """Whether new throws land short of the target twice, one not much farther off than the
+        other; far from it, any throws."""
+        if self.is_far and len(history.edges) > 1:
+            return True
+        missed = [one.missed for one in history.new_edges]
+        return len(missed) > 1 and missed[1] <= SETTINGS.hopeless * missed[0]
 
     def _is_nearest(self, least: float, known: list[float]) -> bool:
         """Whether no known throw lands nearer to the target than `least` [m]."""

@@ -173,6 +173,24 @@ def test_position_limits_hold_between_nodes() -> None:
     assert (np.abs(ddq.T) <= limits.ddq + 1e-9).all()
 
 
+@pytest.mark.parametrize("name", ["hand-flip", "hand-box"])
+def test_an_elastic_landing_begins_with_its_own_miss(name: str) -> None:
+    """The rows of the landing hold at the start, however far off the target is."""
+    scene = tp.load_scene(name)
+    far = scene.aimed_at(scene.target.shifted(5.0, 0.0 if name == "hand-box" else -9.0))
+    request = dataclasses.replace(request_of(far), elastic=100.0)
+    nlp = build_nlp(request)
+    x, p = point_of(scene, nlp)[0], nlp.parameter_values(request)
+    function = ca.Function("g", [nlp.x, nlp.p], [nlp.problem["g"]])
+    names = ("landing x", "landing theta")[: 1 if name == "hand-box" else 2]
+    rows = [nlp.row_names.index(row) for row in names]
+
+    def missed(point: np.ndarray) -> float:
+        return float(np.abs(np.array(function(point, p)).ravel()[rows]).max())
+
+    assert missed(x) > 4.0 and missed(nlp.with_miss(x, p)) < 1e-9
+
+
 def test_guess_lands_near_its_own_release() -> None:
     """Table, guess and NLP agree: the guess's gaps and landing are nearly closed."""
     scene = tp.load_scene("pose")
