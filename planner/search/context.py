@@ -29,11 +29,13 @@ class SearchSettings:
     target within it of the nearest landing is not called out of reach for sampled throws that lead
     nowhere; with a cup within `cup_distance`, as one of two such answers over the map of `cup` was
     false. A target is out of reach if no sampled throw that was drawn towards it leads there, and a
-    landing short of it is new (where the nearest of these lands more than `far_distance` off, one
-    `farther` than it does not count: none of 214 led nearer); of a hand, and among obstacles, if
-    many sampled starts lead nowhere (beside the reach of `hand-flip` 5 of 39 answers after 6 starts
-    were false, none of 34 after 16); of an arm with a library of `dense` throws or more also if one
-    start leads nowhere and the nearest landing agrees with another: their distances are within a
+    landing short of it is new. It is far if the nearest of these lands more than `far_distance`
+    off, of a hand `far_of_hand` (one threw to targets 0.7 m from all drawn ones); then a throw that
+    lands `farther` than that one does not count: none of 214 led nearer. Near a hand's target, and
+    among obstacles, many sampled starts must lead nowhere (beside the reach of `hand-flip` 5 of 39
+    answers after 6 starts were false, none of 34 after 16); of an arm with a library of `dense`
+    throws or more a target is out of reach also if one start leads nowhere and the nearest landing
+    agrees with another: their distances are within a
     factor of `equal_ratio`, and they are nearer to each other than `same_side` of that (of a hand 4
     of 34 such answers were false). Inside the base column the search ends with a landing of a led
     throw, or after `column_approaches`. An approach that limits hold farther off than `hopeless`
@@ -54,6 +56,7 @@ class SearchSettings:
     cup_distance: float = 0.015
     column_approaches: int = 2
     far_distance: float = 0.3
+    far_of_hand: float = 2.0
     farther: float = 0.2
     equal_ratio: float = 1.1
     same_side: float = 0.5

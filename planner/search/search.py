@@ -185,7 +185,8 @@ class Search:
     @property
     def is_far(self) -> bool:
         """Whether all releases drawn towards the target land far from it."""
-        return self._drawn_within > SETTINGS.far_distance
+        is_hand = self.task.scene.robot is None
+        return self._drawn_within > (SETTINGS.far_of_hand if is_hand else SETTINGS.far_distance)
 
     @property
     def _drawn_within(self) -> float:
