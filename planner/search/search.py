@@ -249,7 +249,7 @@ class Search:
         are_alike = is_arm and is_started and not self.is_sparse and self.are_alike(history)
         is_vain = least >= self.sure_distance and self.are_starts_vain(history)
         is_vain = is_vain and self._are_two(history)
-        is_vain = is_vain and (self.is_far or self._is_new(history))
+        is_vain = is_vain and (self._is_far(history) or self._is_new(history))
         if not (are_alike or is_vain) or self._may_pass(history):
             return False
         sampled = [away for _, _, away in self.candidates.arriving.nearest]
@@ -264,11 +264,12 @@ class Search:
     def are_starts_vain(self, history: History) -> bool:
         """Whether many sampled throws led nowhere: those drawn towards the target; of a hand near
         it, and among obstacles, many starts."""
-        is_hand = self.task.scene.robot is None
-        if self.task.scene.obstacle or (is_hand and not self.is_far):
+        is_hand, is_far = self.task.scene.robot is None, self._is_far(history)
+        if self.task.scene.obstacle or (is_hand and not is_far):
             starts = min(MANY_STARTS, len(self.candidates.different))
             return len(history.solves_from("samples")) >= starts
-        return history.drawn > 0 and history.drawn >= sum(one.evident for one in self.drawn)
+        needed = sum(one.evident or not is_far for one in self.drawn)
+        return history.drawn > 0 and history.drawn >= needed
 
     def are_alike(self, history: History) -> bool:
         """Whether the nearest landings agree, one of them new; or the nearest new ones do."""
@@ -291,10 +292,16 @@ class Search:
     def _are_two(self, history: History) -> bool:
         """Whether new throws land short of the target twice, one not much farther off than the
         other; far from it, any throws."""
-        if self.is_far and len(history.edges) > 1:
+        if self._is_far(history) and len(history.edges) > 1:
             return True
         missed = [one.missed for one in history.new_edges]
         return len(missed) > 1 and missed[1] <= SETTINGS.hopeless * missed[0]
+
+    def _is_far(self, history: History) -> bool:
+        """Whether the target is far, and a throw landed as near to it as any drawn release."""
+        if not self.is_far or not history.edges:
+            return False
+        return self._is_nearest(history.edges[0].missed, [self._drawn_within])
 
     def _is_nearest(self, least: float, known: list[float]) -> bool:
         """Whether no known throw lands nearer to the target than `least` [m]."""
