@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Scenes: quick, full; the first of the full ones is drawn.
-SCENES = ("hand-box",), ("pose", "cup", "box", "flip", "fr3", "hand-flip")
+SCENES = ("hand-flip",), ("pose", "cup", "box", "flip", "fr3", "hand-flip")
 #: Targets of a scene over its map: quick, full.
 IN_MAP = (6, 167)
 #: Those beyond it: how many, quick and full, so many bins from the nearest with a landing.
@@ -153,7 +154,8 @@ def _asked(name: str, effort: Effort) -> tuple[list[Row], list[Row]]:
         for number, (library, said) in enumerate(answers.items()):
             row: Row = {"scene": name, "targets": words, "library": library}
             rows.append(row | _row(scene, targets[part], said[part], truths[part], number))
-    return rows, [_drawn(*one) for one in zip(targets, answers["none"], truths, strict=True)]
+    near = zip(targets, answers["none"], truths, strict=True)
+    return rows, [_drawn(*one) for one in islice(near, parts["beyond"].stop)]
 
 
 def beyond_map(found: ReachMap, count: int, ring: tuple[int, int]) -> list[Pose]:
@@ -303,10 +305,10 @@ def _words(rows: Sequence[Row], library: bool, seconds: float) -> str:
 
     counts = []
     for targets in ("over the map", *BEYOND):
-        solved, lost, open_ = (total(k, targets) for k in ("solved", "out of reach", "no answer"))
+        solved, lost, left = (total(k, targets) for k in ("solved", "out of reach", "no answer"))
         counts.append(
-            f"of {solved + lost + open_} targets {targets} {solved} are solved, {lost} called out "
-            f"of reach and {open_} undecided"
+            f"of {solved + lost + left} targets {targets} {solved} are solved, {lost} called out "
+            f"of reach and {left} undecided"
         )
     return (
         f"{'With' if library else 'Without'} a library: {'; '.join(counts)}. "
@@ -399,7 +401,7 @@ def _drawn(target: Pose, answer: _Answer, truth: _Truth) -> Row:
 
 
 def _draw_targets(rows: Table) -> Figure:
-    """Targets in x and theta by status, and the nearest landings that plans name."""
+    """Targets in x and theta by status, none far off, and the nearest landings that plans name."""
     figure, ((axis,),) = panels(9.0, 5.0)
     some = rows.rows
     named = [row for row in some if row["nearest x [m]"] is not None]

@@ -69,9 +69,8 @@ class Nlp(Layout):
     @property
     def kinds(self) -> list[StageFunctions]:
         """The functions of its stages, each once, those of most stages first."""
-        return [
-            functions for functions, _ in Counter(x.functions for x in self.links).most_common()
-        ]
+        counted = Counter(link.functions for link in self.links)
+        return [functions for functions, _ in counted.most_common()]
 
     @property
     def problem(self) -> dict[str, ca.MX]:

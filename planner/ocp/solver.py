@@ -176,6 +176,7 @@ class Solver:
     def __init__(self, nlp: Nlp, name: str) -> None:
         self.nlp = nlp
         self.name = name
+        self._kinds = nlp.kinds
         self._plugins: dict[Barrier, ca.Function] = {}
         self._evaluation = np.inf
         self._make_functions()
@@ -216,8 +217,9 @@ class Solver:
             iterations += int(stats.get("iter_count", 0))
             if stats["success"]:
                 break
+        spent = processor_time() - start_time
         for kind in self._kinds:
-            kind.spend(processor_time() - start_time)
+            kind.spend(spent)
         optimum, lam_g, lam_x = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
         success = bool(stats["success"]) and bool(np.isfinite(optimum).all())
         return Solution(optimum, lam_g, lam_x, float(result["f"]), success, iterations)
@@ -295,7 +297,6 @@ class Solver:
 
     def _make_functions(self) -> None:
         """Makes the NLP's functions of those of its stages."""
-        self._kinds = self.nlp.kinds
         self._codes = [kind.code for kind in self._kinds]
         self._functions = nlp_functions(self.nlp, self.name)
         self._plugins.clear()

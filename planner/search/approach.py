@@ -55,7 +55,9 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
     if task.scene.cup is not None:
         margins = refinement.margins.replace(cup=ELASTIC_CUP_MARGIN - CUP_MARGIN)
         refinement = Refinement(refinement.lazy | {"flight"}, margins, refinement.bodies)
-    start = Start(goal, guess, "fatrop", refinement, elastic=step.prices[0], short=not step.drawn)
+    start = Start(
+        goal, guess, "fatrop", refinement, elastic=step.prices[0], from_miss=not step.drawn
+    )
     if step.turns and goal.theta is not None:
         made = list(_rounds(problems, replace(start, turning=TURNING), step, task))
         yield from made
@@ -74,7 +76,7 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
         if any(last.edge.pose.distance(one, lever) < SAME_LANDING for one in step.known):
             return
         guess, refinement = guess_of(last.throw, task.scene), last.refinement
-        start = replace(start, guess=guess, refinement=refinement, short=True)
+        start = replace(start, guess=guess, refinement=refinement, from_miss=True)
 
 
 def _rounds(problems: NlpCache, start: Start, step: Approach, task: Task) -> Iterator[Attempt]:
@@ -88,9 +90,9 @@ def _rounds(problems: NlpCache, start: Start, step: Approach, task: Task) -> Ite
             yield near
             *_, near = attempts(problems, replace(start, guess=guess_of(broken, task.scene)), task)
         elif near.throw is None and step.drawn:
-            # A motion is found from other starts.
+            # Some drawn releases lead to a motion from slacks at 0, some from those of their miss.
             yield near
-            *_, near = attempts(problems, replace(start, short=not start.short), task)
+            *_, near = attempts(problems, replace(start, from_miss=not start.from_miss), task)
         broken = near.throw
         if near.solved and near.throw is not None:
             guess = guess_of(near.throw, task.scene)

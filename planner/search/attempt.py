@@ -42,8 +42,8 @@ class Start:
     warm: solution with multipliers to start from; near: it is for almost this target. aim: (dx [m],
     dtheta [rad]) from the goal to the first NLP's landing. rough: corrections end at half the
     scene's tolerance. robust: method of a robust NLP. elastic: price [1/m] at which the landing may
-    miss the goal; it is checked at its own place. turning: as of `Request`. short: the
-    slacks of an elastic landing begin with what the start misses, else at 0. below: a solution of a
+    miss the goal; it is checked at its own place. turning: as of `Request`. from_miss: the slacks
+    of an elastic landing begin with what the start misses, else at 0. below: a solution of a
     higher cost is given up.
     """
 
@@ -61,7 +61,7 @@ class Start:
     robust: str = ""
     elastic: float = 0.0
     turning: float = 1.0
-    short: bool = True
+    from_miss: bool = True
     below: float = math.inf
 
 
@@ -320,7 +320,7 @@ class _Solves:
         program, clock = self.program, self.task.clock
         with clock("solve"):
             numbers = program.nlp.parameter_values(replace(self.request, target=goal))
-            if self.start.elastic and self.start.short and not isinstance(begin, WarmStart):
+            if self.start.elastic and self.start.from_miss and not isinstance(begin, WarmStart):
                 begin = program.nlp.with_miss(begin, numbers)
             solve = partial(program.solver.solve, parameters=numbers, bounds=program.limits)
             solution = solve(begin, seconds=clock.left)

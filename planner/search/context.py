@@ -35,12 +35,12 @@ class SearchSettings:
     among obstacles, many sampled starts must lead nowhere (beside the reach of `hand-flip` 5 of 39
     answers after 6 starts were false, none of 34 after 16); of an arm with a library of `dense`
     throws or more a target is out of reach also if one start leads nowhere and the nearest landing
-    agrees with another: their distances are within a
-    factor of `equal_ratio`, and they are nearer to each other than `same_side` of that (of a hand 4
-    of 34 such answers were false). Inside the base column the search ends with a landing of a led
-    throw, or after `column_approaches`. An approach that limits hold farther off than `hopeless`
-    times the nearest landing of an NLP ends. dense: throws of a library whose reach is known by
-    them; dense_in_x: with theta open.
+    agrees with another: their distances are within a factor of `equal_ratio`, and they are nearer
+    to each other than `same_side` of that (of a hand 4 of 34 such answers were false). Inside the
+    base column the search ends with a landing of a led throw, or after `column_approaches`. An
+    approach that limits hold farther off than `hopeless` times the nearest landing of an NLP ends,
+    and of two landings that are evidence the second is nearer than that. dense: throws of a library
+    whose reach is known by them; dense_in_x: with theta open.
     """
 
     moves: int = 4

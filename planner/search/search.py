@@ -268,8 +268,9 @@ class Search:
         if self.task.scene.obstacle or (is_hand and not is_far):
             starts = min(MANY_STARTS, len(self.candidates.different))
             return len(history.solves_from("samples")) >= starts
-        needed = sum(one.evident or not is_far for one in self.drawn)
-        return history.drawn > 0 and history.drawn >= needed
+        if not history.drawn:
+            return False
+        return history.drawn >= sum(one.evident or not is_far for one in self.drawn)
 
     def are_alike(self, history: History) -> bool:
         """Whether the nearest landings agree, one of them new; or the nearest new ones do."""
@@ -298,8 +299,11 @@ class Search:
         return len(missed) > 1 and missed[1] <= SETTINGS.hopeless * missed[0]
 
     def _is_far(self, history: History) -> bool:
-        """Whether the target is far, and a throw landed as near to it as any drawn release."""
-        if not self.is_far or not history.edges:
+        """Whether the target is far, and a throw landed as near to it as any drawn release.
+
+        Not before releases are drawn, which takes a tenth of a second.
+        """
+        if not history.drawn or not history.edges or not self.is_far:
             return False
         return self._is_nearest(history.edges[0].missed, [self._drawn_within])
 

@@ -501,6 +501,15 @@ def test_beyond_the_reach_a_library_names_the_nearest(boxes: tp.Planner) -> None
 
 
 @pytest.mark.slow
+def test_a_library_answers_before_releases_are_drawn(boxes: tp.Planner, monkeypatch) -> None:
+    """Which would take ten times as long as the answer."""
+    monkeypatch.setattr("throwplan.planner.search.candidates.drawn_towards", None)
+    for place in (2.3, -2.3):
+        plan = boxes.plan(boxes.scene.target.in_plane(place, None), patience=60.0)
+        assert plan.status == "out_of_reach" and plan.binding, plan.message
+
+
+@pytest.mark.slow
 def test_a_library_is_no_evidence_for_targets_of_another_kind(boxes: tp.Planner) -> None:
     """Its throws with theta open show nothing of targets with an angle, which are searched for."""
     alone, own = tp.Planner("box", library=False), boxes.scene.target
