@@ -21,7 +21,8 @@ from .mujoco_world import CycleWorld, grasp_pose, object_name, thickness
 OPEN = 0.03
 #: Time [s] at the end of a grasp in which the closed pads press.
 PRESSING = 0.02
-#: Longest time [s] after the landing in which an object in a cup comes to rest.
+#: Longest time [s] after the last landing in which objects in cups come to rest: the last one may
+#: push others.
 LONGEST = 4.0
 #: Number of samples that are simulated between two looks at what rests.
 BATCH = 100
@@ -162,8 +163,10 @@ class _CycleSimulation:
         time = states[-1, 0, 0]
         if not np.isfinite(states).all():
             raise InputError("replay: MuJoCo's steps diverged")
-        each = zip(self.cycle.steps, self.cycle.throws, states.swapaxes(0, 1), strict=True)
-        return time >= self.cycle.duration and all(_has_ended(*one) for one in each)
+        each = list(zip(self.cycle.steps, self.cycle.throws, states.swapaxes(0, 1), strict=True))
+        last = max(_landing_time(step, throw) for step, throw, _ in each)
+        waited = time > last + LONGEST
+        return time >= self.cycle.duration and (waited or all(_has_ended(*one) for one in each))
 
     def motions(self) -> tuple[ObjectMotion, ...]:
         """The motions of all objects."""
@@ -184,16 +187,19 @@ class _CycleSimulation:
         return float(np.linalg.norm(moved[:3, 3])), float(turn)
 
 
+def _landing_time(step: CycleStep, throw: Throw) -> float:
+    """When an object lands [s], on the cycle's clock; its detach time, if it never does."""
+    landing = TICK * step.join + throw.deciding.landing_time
+    return landing if math.isfinite(landing) else step.detach_time
+
+
 def _has_ended(step: CycleStep, throw: Throw, states: Array) -> bool:
     """Whether an object, of which these are the last states (K, 14), lies in its cup, or has landed
     without one."""
-    time, landing = states[-1, 0], TICK * step.join + throw.deciding.landing_time
-    landing = landing if math.isfinite(landing) else step.detach_time
-    if time < step.detach_time or time > landing + LONGEST:
-        return bool(time > step.detach_time)
     if step.scene.cup is None:
-        return bool(states[-1, 3] < throw.target.z)
-    return bool(time > landing and is_still(states_in_plane(step, throw, states)))
+        return bool(states[-1, 0] > step.detach_time and states[-1, 3] < throw.target.z)
+    landed = states[-1, 0] > _landing_time(step, throw)
+    return bool(landed and is_still(states_in_plane(step, throw, states)))
 
 
 def states_in_plane(step: CycleStep, throw: Throw, states: Array) -> Array:

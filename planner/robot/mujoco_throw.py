@@ -223,9 +223,8 @@ def release_model(scene: Scene, step: float, points: int) -> Any:
     the limit surface. Pads have no size: the bar cannot slip out of them.
     """
     mujoco, contact, bar = load_mujoco(), scene.patch, scene.object
-    # Stiffness of friction over that of the normal force: below 1e6 loaded points creep.
-    spec = empty_spec(scene, step, impratio=1e9)
-    spec.option.tolerance, spec.option.jacobian = 1e-14, mujoco.mjtJacobian.mjJAC_DENSE
+    spec = empty_spec(scene, step)
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     bodies = [spec.worldbody.add_body(name=name) for name in ("hand", "bar")]
     for body, armature in zip(bodies, (hand_inertia(scene), 0.0), strict=True):
         for axis in ([1, 0, 0], [0, 0, 1]):
@@ -257,12 +256,15 @@ def release_model(scene: Scene, step: float, points: int) -> Any:
     return spec.compile()
 
 
-def empty_spec(scene: Scene, step: float, impratio: float) -> Any:
-    """An empty world with the scene's gravity."""
+def empty_spec(scene: Scene, step: float) -> Any:
+    """An empty world with the scene's gravity, for loads that friction alone holds."""
     mujoco = load_mujoco()
     spec = mujoco.MjSpec()
     spec.option.timestep, spec.option.gravity = step, [0, 0, -scene.gravity]
-    spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, impratio
+    # Stiffness of friction over that of the normal force: below 1e6 loaded contacts creep. So stiff,
+    # line searches of 50 steps (MuJoCo's own limit) end early, and bars fall through plates.
+    spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 1e9
+    spec.option.tolerance, spec.option.ls_iterations = 1e-14, 200
     spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
     return spec
 

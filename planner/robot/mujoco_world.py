@@ -58,9 +58,7 @@ class CycleWorld:
         """The world of a cycle; step [s]: of the simulation; restitution: of all collisions."""
         scenes = [one.scene for one in cycle.steps]
         mass = max(hand_inertia(scene) for scene in scenes)
-        # Stiffness of friction over that of the normal force: below 1e6 loaded contacts creep.
-        spec = empty_spec(scenes[0], step, impratio=1e9)
-        spec.option.tolerance = 1e-14
+        spec = empty_spec(scenes[0], step)
         spec.default.geom.contype = spec.default.geom.conaffinity = 0
         pads = _add_hand(spec, scenes[0], mass, step)
         links = _add_around(spec, scenes)

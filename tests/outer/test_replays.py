@@ -277,7 +277,8 @@ def test_an_object_at_its_pick_is_met_by_the_one_that_is_carried_through_it(cycl
 def test_what_falls_into_a_cup_lies_on_what_is_in_it(velocity, tmp_path) -> None:
     """Also in a cup that moves; the second object stands far from the first one's way.
 
-    Where the second leans at last is decided by digits of its throw beyond 1e-9.
+    Where the second leans at last is decided by digits of its throw beyond 1e-9. The floor is the
+    lower side of the cup's bottom: what touches it has sunk through.
     """
     (tmp_path / "jobs.toml").write_text(INTO_CUP.format(velocity=velocity))
     cycle = tp.plan_cycle(tp.load_jobs(tmp_path / "jobs.toml"))
@@ -286,4 +287,5 @@ def test_what_falls_into_a_cup_lies_on_what_is_in_it(velocity, tmp_path) -> None
     assert first.hits == [] and first.inside and first.rest.inside and first.rest.at_rest
     assert second.collisions["carried"] == () and second.rest.entered
     assert second.rest.pose[2] > first.rest.pose[2]
+    assert "floor" not in (*first.touched, *second.touched)
     assert f"object {cycle.steps[0].pick}" in second.touched
