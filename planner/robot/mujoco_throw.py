@@ -261,8 +261,8 @@ def empty_spec(scene: Scene, step: float) -> Any:
     mujoco = load_mujoco()
     spec = mujoco.MjSpec()
     spec.option.timestep, spec.option.gravity = step, [0, 0, -scene.gravity]
-    # Stiffness of friction over that of the normal force: below 1e6 loaded contacts creep. So stiff,
-    # line searches of 50 steps (MuJoCo's own limit) end early, and bars fall through plates.
+    # Stiffness of friction over that of the normal force: below 1e6 loaded contacts creep. At 1e9
+    # line searches of 50 steps, MuJoCo's limit, end too early: bars sink through plates.
     spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 1e9
     spec.option.tolerance, spec.option.ls_iterations = 1e-14, 200
     spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
