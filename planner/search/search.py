@@ -16,7 +16,7 @@ from ..ocp import BASE, Optimum, Refinement
 from ..result import PlannedThrow
 from .attempt import Attempt, Start
 from .candidates import MANY_STARTS, REGION_STARTS, Candidates, release_start
-from .context import SETTINGS, SearchContext, agree, on_one_side
+from .context import SETTINGS, SearchContext, agree
 from .feasibility import in_column
 from .history import PRICES, Approach, History, Solve, Try
 from .move import moved_start, optimum_of
@@ -236,30 +236,37 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        Many sampled throws lead nowhere, or of an arm with a dense library one does and the nearest
-        landings agree; one of these is new, as throws of earlier plans may be alike. No throw of
-        the library that was not led, nor a sampled one that arrives as a throw to the target would,
-        is nearer.
+        The evidence counts only if no throw of the library that was not led, nor a sampled one that
+        arrives as a throw to the target would, is nearer than the nearest landing.
         """
         if not history.edges:
             return False
         stored, least = self._stored(history), history.edges[0].missed
-        is_arm = self.task.scene.robot is not None
-        is_started = bool(history.solves_from("samples"))
-        are_alike = is_arm and is_started and not self.is_sparse and self.are_alike(history)
-        is_vain = least >= self.sure_distance and self.are_starts_vain(history)
-        is_vain = is_vain and self._are_two(history)
-        is_vain = is_vain and (self._is_far(history) or self._is_new(history))
-        if not (are_alike or is_vain) or self._may_pass(history):
+        if not self._is_evident(history, least) or self._may_pass(history):
             return False
         sampled = [away for _, _, away in self.candidates.arriving.nearest]
         return self._is_nearest(least, [one.distance for one in stored] + sampled)
+
+    def _is_evident(self, history: History, least: float) -> bool:
+        """Whether many sampled throws lead nowhere, or of an arm with a dense library one does and
+        the nearest landings agree; with the nearest one, `least` [m] off, close, both.
+
+        One of the landings is new, as throws of earlier plans may be alike.
+        """
+        is_arm = self.task.scene.robot is not None
+        is_started = bool(history.solves_from("samples"))
+        are_alike = is_arm and is_started and not self.is_sparse and self.are_alike(history)
+        if are_alike and least >= SETTINGS.close_distance:
+            return True
+        is_short = least >= self.sure_distance and self._are_two(history)
+        is_short = is_short and (self._is_far(history) or self._is_new(history))
+        return (are_alike or is_short) and self.are_starts_vain(history)
 
     @property
     def sure_distance(self) -> float:
         """Least pose error [m] of the nearest landing for which sampled throws that lead nowhere
         are evidence."""
-        return SETTINGS.same_distance if self.task.scene.cup is None else SETTINGS.cup_distance
+        return SETTINGS.same_distance if self.task.scene.cup is None else SETTINGS.close_distance
 
     def are_starts_vain(self, history: History) -> bool:
         """Whether many sampled throws led nowhere: those drawn towards the target; of a hand near
@@ -278,17 +285,9 @@ class Search:
         return self._is_new(history) and (self._agree(nearest) or self._agree(history.new_edges))
 
     def _is_new(self, history: History) -> bool:
-        """Whether the nearest landing, or one about as near, is of a new throw.
-
-        Throws that are led come up to the limits themselves, nearer than what the NLP constrains:
-        beside them a new one farther on the same side counts.
-        """
-        if not history.new_edges:
-            return False
-        nearest, new = history.edges[0], history.new_edges[0]
-        is_near = new.missed <= SETTINGS.equal_ratio * nearest.missed
-        lever = self.task.scene.object.half_length
-        return is_near or (history.leads > 0 and on_one_side(new.miss, nearest.miss, lever))
+        """Whether the nearest landing, or one about as near, is of a new throw."""
+        new = history.new_edges
+        return bool(new) and new[0].missed <= SETTINGS.equal_ratio * history.edges[0].missed
 
     def _are_two(self, history: History) -> bool:
         """Whether new throws land short of the target twice, one not much farther off than the
