@@ -89,8 +89,8 @@ def _rounds(problems: NlpCache, start: Start, step: Approach, task: Task) -> Ite
             # With the further constraint no motion was found from where this round began.
             yield near
             *_, near = attempts(problems, replace(start, guess=guess_of(broken, task.scene)), task)
-        elif near.throw is None and step.drawn:
-            # Some drawn releases lead to a motion from slacks at 0, some from those of their miss.
+        elif near.throw is None:
+            # Some starts lead to a motion from slacks at 0, some from those of their miss.
             yield near
             *_, near = attempts(problems, replace(start, from_miss=not start.from_miss), task)
         broken = near.throw

@@ -25,23 +25,24 @@ class SearchSettings:
     sampled starts, and those of them that arrive well, solved before throws beside the target are
     brought to it; also throws of the library that are brought near with all constraints.
     approaches: solved throws, brought as near to the target as limits allow; leads: of the library,
-    moved towards it before. same_distance: a throw within it of one that is kept is not kept; a
-    target within it of the nearest landing is not called out of reach for sampled throws that lead
-    nowhere; with a cup within `close_distance`, as one of two such answers over the map of `cup`
-    was false. A target is out of reach if no sampled throw that was drawn towards it leads there,
-    and a landing short of it is new. It is far if the nearest of these lands more than
-    `far_distance` off, of a hand `far_of_hand` (one threw to targets 0.7 m from all drawn ones);
-    then a throw that lands `farther` than that one does not count: none of 214 led nearer. Near a
-    hand's target, and among obstacles, many sampled starts must lead nowhere (beside the reach of
-    `hand-flip` 5 of 39 answers after 6 starts were false, none of 34 after 16); of an arm with a
-    library of `dense` throws or more a target is out of reach also if one start leads nowhere and
-    the nearest landing agrees with another: their distances are within a factor of `equal_ratio`,
-    and they are nearer to each other than `same_side` of that (of a hand 4 of 34 such answers were
-    false); nearer than `close_distance` also the drawn throws lead nowhere (4 of 17 were false
-    there). Inside the base column the search ends with a landing of a led throw, or after
-    `column_approaches`. An approach that limits hold farther off than `hopeless` times the nearest
-    landing of an NLP ends, and of two landings that are evidence the second is nearer than that.
-    dense: throws of a library whose reach is known by them; dense_in_x: with theta open.
+    moved towards it before. found: throws of earlier plans within `found_distance` that a solver
+    starts from. same_distance: a throw within it of one that is kept is not kept; a target within
+    it of the nearest landing is not called out of reach for sampled throws that lead nowhere; with
+    a cup within `close_distance`, as one of two such answers over the map of `cup` was false. A
+    target is out of reach if no sampled throw that was drawn towards it leads there, and a landing
+    short of it is new. It is far if the nearest of these lands more than `far_distance` off, of a
+    hand `far_of_hand` (one threw to targets 0.7 m from all drawn ones); then a throw that lands
+    `farther` than that one does not count: none of 214 led nearer. Near a hand's target, and among
+    obstacles, many sampled starts must lead nowhere (beside the reach of `hand-flip` 5 of 39
+    answers after 6 starts were false, none of 34 after 16); of an arm with a library of `dense`
+    throws or more a target is out of reach also if one start leads nowhere and the nearest landing
+    agrees with another: their distances are within a factor of `equal_ratio`, and they are nearer
+    to each other than `same_side` of that (of a hand 4 of 34 such answers were false); nearer than
+    `close_distance` also the drawn throws lead nowhere (4 of 17 were false there). Inside the base
+    column the search ends with a landing of a led throw, or after `column_approaches`. An approach
+    that limits hold farther off than `hopeless` times the nearest landing of an NLP ends, and of
+    two landings that are evidence the second is nearer than that. dense: throws of a library whose
+    reach is known by them; dense_in_x: with theta open.
     """
 
     moves: int = 4
@@ -53,6 +54,8 @@ class SearchSettings:
     first_starts: int = 1
     approaches: int = 2
     leads: int = 3
+    found: int = 1
+    found_distance: float = 0.025
     same_distance: float = 0.005
     close_distance: float = 0.015
     column_approaches: int = 2

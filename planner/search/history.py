@@ -43,7 +43,7 @@ class Solve:
     """Solve the NLP from a start; release: identifies the sampled release it is made of."""
 
     start: Start
-    origin: Literal["warm plan", "neighbour", "samples"]
+    origin: Literal["warm plan", "neighbour", "samples", "found"]
     release: bytes = b""
 
 

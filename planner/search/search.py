@@ -58,6 +58,11 @@ class Search:
         return SETTINGS.moves if wanted == 1 else SETTINGS.moves_for_choice * wanted
 
     @cached_property
+    def found(self) -> list[Neighbour]:
+        """Throws of earlier plans near the target, nearest first."""
+        return list(self._nearest(self.context.found, SETTINGS.found, SETTINGS.found_distance))
+
+    @cached_property
     def _warm_neighbour(self) -> list[Neighbour]:
         """The warm plan's optimum, if it lands near enough."""
         warm, task = self.warm, self.task

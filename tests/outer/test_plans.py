@@ -240,6 +240,20 @@ def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
         assert hand_box.plan(tp.Pose(x=nearest.x + step, z=0.0)).status == status
 
 
+def test_a_target_beside_one_thrown_to_is_thrown_to(near_wall) -> None:
+    """Of two targets 5 mm apart behind a wall a planner without a library reaches both: sampled
+    starts and elastic landings lead to none at the second, and the throw to the first does."""
+    for away in (0.195, 0.2):
+        target = near_wall.scene.target.shifted(0.0, away / near_wall.scene.object.half_length)
+        assert near_wall.plan(target).solved
+
+
+@pytest.fixture
+def near_wall() -> tp.Planner:
+    wall = tp.Obstacle(name="wall", kind="box", size=(0.06, 0.5, 0.3), position=(0.75, 0.0, 0.15))
+    return tp.Planner(tp.load_scene("pose").replace(obstacle=(wall,)), library=False)
+
+
 @cache
 def without_library(scene: str, number: int) -> tp.Planner:
     """A planner by its number, so that one does not know what the other has named."""
