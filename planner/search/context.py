@@ -55,7 +55,7 @@ class SearchSettings:
     approaches: int = 2
     leads: int = 3
     found: int = 1
-    found_distance: float = 0.025
+    found_distance: float = 0.05
     same_distance: float = 0.005
     close_distance: float = 0.015
     column_approaches: int = 2
