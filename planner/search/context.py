@@ -25,13 +25,13 @@ class SearchSettings:
     sampled starts, and those of them that arrive well, solved before throws beside the target are
     brought to it; also throws of the library that are brought near with all constraints.
     approaches: solved throws, brought as near to the target as limits allow; leads: of the library,
-    moved towards it before. found: throws of earlier plans within `found_distance` that a solver
-    starts from. same_distance: a throw within it of one that is kept is not kept; a target within
-    it of the nearest landing is not called out of reach for sampled throws that lead nowhere; with
-    a cup within `close_distance`, as one of two such answers over the map of `cup` was false. A
-    target is out of reach if no sampled throw that was drawn towards it leads there, and a landing
-    short of it is new. It is far if the nearest of these lands more than `far_distance` off, of a
-    hand `far_of_hand` (one threw to targets 0.7 m from all drawn ones); then a throw that lands
+    moved towards it before. found_distance: within it a solver starts from a throw of an earlier
+    plan. same_distance: a throw within it of one that is kept is not kept; a target within it of
+    the nearest landing is not called out of reach for sampled throws that lead nowhere; with a cup
+    within `close_distance`, as one of two such answers over the map of `cup` was false. A target is
+    out of reach if no sampled throw that was drawn towards it leads there, and a landing short of
+    it is new. It is far if the nearest of these lands more than `far_distance` off, of a hand
+    `far_of_hand` (one threw to targets 0.7 m from all drawn ones); then a throw that lands
     `farther` than that one does not count: none of 214 led nearer. Near a hand's target, and among
     obstacles, many sampled starts must lead nowhere (beside the reach of `hand-flip` 5 of 39
     answers after 6 starts were false, none of 34 after 16); of an arm with a library of `dense`
@@ -54,7 +54,6 @@ class SearchSettings:
     first_starts: int = 1
     approaches: int = 2
     leads: int = 3
-    found: int = 1
     found_distance: float = 0.05
     same_distance: float = 0.005
     close_distance: float = 0.015

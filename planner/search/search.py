@@ -57,10 +57,10 @@ class Search:
         wanted = self.task.wanted
         return SETTINGS.moves if wanted == 1 else SETTINGS.moves_for_choice * wanted
 
-    @cached_property
-    def found(self) -> list[Neighbour]:
-        """Throws of earlier plans near the target, nearest first."""
-        return list(self._nearest(self.context.found, SETTINGS.found, SETTINGS.found_distance))
+    @property
+    def earlier(self) -> Neighbour | None:
+        """The nearest throw of an earlier plan, if it lands near the target."""
+        return next(self._nearest(self.context.found, 1, SETTINGS.found_distance), None)
 
     @cached_property
     def _warm_neighbour(self) -> list[Neighbour]:
@@ -254,9 +254,10 @@ class Search:
 
     def _is_evident(self, history: History, least: float) -> bool:
         """Whether many sampled throws lead nowhere, or of an arm with a dense library one does and
-        the nearest landings agree; with the nearest one, `least` [m] off, close, both.
+        the nearest landings agree.
 
-        One of the landings is new, as throws of earlier plans may be alike.
+        One of the landings is new, as throws of earlier plans may be alike. If the nearest, `least`
+        [m] off, is close to the target, landings that agree are evidence only beside many samples.
         """
         is_arm = self.task.scene.robot is not None
         is_started = bool(history.solves_from("samples"))

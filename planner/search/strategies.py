@@ -91,11 +91,11 @@ def from_found(search: Search, history: History) -> Try | None:
     Along a line of targets 5 mm apart it leads from one to the next where sampled starts and
     elastic landings do not.
     """
-    tried = len(history.solves_from("found"))
     is_named = len(search.task.solvers) == 1
-    if is_named or history.found or search.blocked or search.is_settled(history):
+    is_done = is_named or history.found or history.solves_from("found")
+    if is_done or search.blocked or search.is_settled(history):
         return None
-    near = next(islice(search.found, tried, None), None)
+    near = search.earlier
     return None if near is None else Solve(replace(search.start(near), solver="ipopt"), "found")
 
 
