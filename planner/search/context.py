@@ -34,15 +34,16 @@ class SearchSettings:
     `far_of_hand` (one threw to targets 0.7 m from all drawn ones); then a throw that lands
     `farther` than that one does not count: none of 214 led nearer. Near a hand's target, and among
     obstacles, many sampled starts must lead nowhere (beside the reach of `hand-flip` 5 of 39
-    answers after 6 starts were false, none of 34 after 16); of an arm with a library of `dense`
-    throws or more a target is out of reach also if one start leads nowhere and the nearest landing
-    agrees with another: their distances are within a factor of `equal_ratio`, and they are nearer
-    to each other than `same_side` of that (of a hand 4 of 34 such answers were false); nearer than
-    `close_distance` also the drawn throws lead nowhere (4 of 17 were false there). Inside the base
-    column the search ends with a landing of a led throw, or after `column_approaches`. An approach
-    that limits hold farther off than `hopeless` times the nearest landing of an NLP ends, and of
-    two landings that are evidence the second is nearer than that. dense: throws of a library whose
-    reach is known by them; dense_in_x: with theta open.
+    answers after 6 starts were false, none of 34 after 16); with a library of `dense` throws or
+    more a target is out of reach also if one start leads nowhere and the nearest landing agrees
+    with another: their distances are within a factor of `equal_ratio`, and they are nearer to each
+    other than `same_side` of that; nearer than `close_distance` also the drawn throws lead nowhere
+    (4 of 17 were false there), of a hand nearer than `close_of_hand` also many sampled ones (two of
+    46 such answers were false, 25 and 95 mm off). Inside the base column the search ends with a
+    landing of a led throw, or after `column_approaches`. An approach that limits hold farther off
+    than `hopeless` times the nearest landing of an NLP ends, and of two landings that are evidence
+    the second is nearer than that. dense: throws of a library whose reach is known by them;
+    dense_in_x: with theta open.
     """
 
     moves: int = 4
@@ -57,6 +58,7 @@ class SearchSettings:
     found_distance: float = 0.05
     same_distance: float = 0.005
     close_distance: float = 0.015
+    close_of_hand: float = 0.2
     column_approaches: int = 2
     far_distance: float = 0.3
     far_of_hand: float = 2.0

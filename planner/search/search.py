@@ -146,8 +146,7 @@ class Search:
         yield from self.drawn
         if self.is_sparse:
             yield from self.stored
-        nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
-        yield from (replace(one, light=False) for one in nearest)
+        yield from (replace(one, light=False) for one in self.stored[: SETTINGS.first_starts])
 
     @cached_property
     def nearby(self) -> list[Approach]:
@@ -210,32 +209,26 @@ class Search:
 
     @cached_property
     def stored(self) -> list[Approach]:
-        """Approaches from the library: from the boundary of the reach, then from other throws.
+        """Approaches from the library's nearest throws.
 
         They end before costly constraints: other starts may need none. From solved throws the first
         price gains nothing.
         """
         if len(self.task.solvers) == 1:
             return []
-        others = self._nearest(self.context.library, SETTINGS.approaches, math.inf)
         return [
             Approach(near.goal, near, near.distance, light=True, prices=PRICES[-1:])
-            for near in (*self.boundary, *others)
+            for near in self.ends[: SETTINGS.approaches + 1]
         ]
 
     @cached_property
-    def boundary(self) -> list[Neighbour]:
-        """The nearest throw of the library's boundary, if there is one."""
-        task = self.task
-        return list(self.context.library.nearest_of_boundary(task.target, task.turns, 1))
-
-    @cached_property
     def ends(self) -> list[Neighbour]:
-        """The nearest throws of the library, its boundary among them: those that are led to the
-        target, and one more."""
-        count = SETTINGS.leads + 1
-        inside = self._nearest(self.context.library, count, math.inf)
-        near = merge(self.boundary, inside, key=lambda one: one.distance)
+        """The nearest throws of the library, the nearest of its boundary among them: those that are
+        led to the target, and one more."""
+        library, task, count = self.context.library, self.task, SETTINGS.leads + 1
+        boundary = library.nearest_of_boundary(task.target, task.turns, 1)
+        inside = self._nearest(library, count, math.inf)
+        near = merge(boundary, inside, key=lambda one: one.distance)
         return list(islice(near, count))
 
     def is_settled(self, history: History) -> bool:
@@ -253,16 +246,17 @@ class Search:
         return self._is_nearest(least, [one.distance for one in stored] + sampled)
 
     def _is_evident(self, history: History, least: float) -> bool:
-        """Whether many sampled throws lead nowhere, or of an arm with a dense library one does and
-        the nearest landings agree.
+        """Whether many sampled throws lead nowhere, or with a dense library one does and the
+        nearest landings agree.
 
         One of the landings is new, as throws of earlier plans may be alike. If the nearest, `least`
         [m] off, is close to the target, landings that agree are evidence only beside many samples.
         """
-        is_arm = self.task.scene.robot is not None
         is_started = bool(history.solves_from("samples"))
-        are_alike = is_arm and is_started and not self.is_sparse and self.are_alike(history)
-        if are_alike and least >= SETTINGS.close_distance:
+        are_alike = is_started and not self.is_sparse and self.are_alike(history)
+        is_hand = self.task.scene.robot is None
+        close = SETTINGS.close_of_hand if is_hand else SETTINGS.close_distance
+        if are_alike and least >= close:
             return True
         is_short = least >= self.sure_distance and self._are_two(history)
         is_short = is_short and (self._is_far(history) or self._is_new(history))

@@ -510,6 +510,21 @@ def test_a_library_answers_before_releases_are_drawn(boxes: tp.Planner, monkeypa
 
 
 @pytest.mark.slow
+def test_a_hand_s_library_answers_far_from_the_target_with_few_nlps() -> None:
+    """A search without it tries 25 more starts, and its nearest landing is no nearer."""
+    planner, alone = tp.Planner("hand-box"), tp.Planner("hand-box", library=False)
+    planner.prepare(150)
+    for place in (3.2, -3.4):
+        target = planner.scene.target.in_plane(place, None)
+        plan, other = (one.plan(target, patience=60.0) for one in (planner, alone))
+        assert plan.status == other.status == "out_of_reach"
+        assert plan.binding and plan.iterations < 200 < other.iterations
+        away, most = (target.distance(one.nearest, 1.0) for one in (plan, other))
+        assert away < 1.01 * most
+        assert planner.plan(plan.nearest).solved
+
+
+@pytest.mark.slow
 def test_a_library_is_no_evidence_for_targets_of_another_kind(boxes: tp.Planner) -> None:
     """Its throws with theta open show nothing of targets with an angle, which are searched for."""
     alone, own = tp.Planner("box", library=False), boxes.scene.target
