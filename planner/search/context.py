@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from ...problems import Pose
 from ..library import Library
 from ..samples import Releases
 from ..throw import Manipulator
@@ -43,7 +44,8 @@ class SearchSettings:
     landing of a led throw, or after `column_approaches`. An approach that limits hold farther off
     than `hopeless` times the nearest landing of an NLP ends, and of two landings that are evidence
     the second is nearer than that. dense: throws of a library whose reach is known by them;
-    dense_in_x: with theta open.
+    dense_in_x: with theta open. beyond_share: of the distance between a target out of reach and its
+    nearest landing, within which other targets are out of reach, too.
     """
 
     moves: int = 4
@@ -68,6 +70,7 @@ class SearchSettings:
     hopeless: float = 3.0
     dense: int = 1000
     dense_in_x: int = 100
+    beyond_share: float = 0.5
 
 
 SETTINGS = SearchSettings()
@@ -95,18 +98,22 @@ class SearchContext:
     """Data that the searches of one scene share.
 
     table: gives the release table; keep: whether the library is in the cache, or stays empty.
+    beyond: targets that were found to be out of reach, with what `turns` they had and how far [m]
+    the nearest landing is.
     """
 
     problems: NlpCache
     table: Callable[[], Releases]
     keep: bool = True
+    beyond: list[tuple[Pose, str, float]] = field(default_factory=list)
 
     def from_state(self, manipulator: Manipulator) -> SearchContext:
         """The context of a manipulator that begins in another state of motion.
 
         It shares NLPs and table, but has no library, whose throws begin at rest.
         """
-        return replace(self, problems=self.problems.from_state(manipulator), keep=False)
+        problems = self.problems.from_state(manipulator)
+        return replace(self, problems=problems, keep=False, beyond=[])
 
     @cached_property
     def library(self) -> Library:

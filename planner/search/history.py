@@ -151,6 +151,12 @@ class History:
         )
 
     @property
+    def is_approached(self) -> bool:
+        """Whether limits stopped a throw that was brought near the goal."""
+        brought = (one for one in self.entries if isinstance(one.done, Approach))
+        return any(attempt.is_edge for one in brought for attempt in one.attempts)
+
+    @property
     def leads(self) -> int:
         """Number of throws of the library that were led towards the goal."""
         return sum(isinstance(one, Lead) for one in self.tries)

@@ -240,10 +240,31 @@ class Search:
         if not history.edges:
             return False
         stored, least = self._stored(history), history.edges[0].missed
-        if not self._is_evident(history, least) or self._may_pass(history):
+        is_evident = self._is_known(history, least) or self._is_evident(history, least)
+        if not is_evident or self._may_pass(history):
             return False
         sampled = [away for _, _, away in self.candidates.arriving.nearest]
         return self._is_nearest(least, [one.distance for one in stored] + sampled)
+
+    @cached_property
+    def is_beyond(self) -> bool:
+        """Whether a target nearby was found to be out of reach: at most half as far from this one
+        as from the nearest landing. No throw comes nearer to that one, so none lands at this."""
+        target, lever = self.task.target, self.task.scene.object.half_length
+        return any(
+            known.distance(target, lever) <= SETTINGS.beyond_share * missed
+            and known.in_plane(target.plane_x, target.theta) == target
+            and turns == self.task.turns
+            for known, turns, missed in self.context.beyond
+        )
+
+    def _is_known(self, history: History, least: float) -> bool:
+        """Whether the target is beyond the reach by an earlier plan, and a throw was brought near
+        it: with the nearest landing, `least` [m] off, no farther than throws of earlier plans."""
+        if not self.is_beyond or not history.is_approached:
+            return False
+        known = self._nearest(self.context.found, 1, math.inf)
+        return self._is_nearest(least, [one.distance for one in known])
 
     def _is_evident(self, history: History, least: float) -> bool:
         """Whether many sampled throws lead nowhere, or with a dense library one does and the
@@ -347,3 +368,8 @@ class Search:
         solved = (one for one in history.edges if one.throw is not None and one.throw.layout)
         for attempt in history.found or islice(solved, 1):
             self.context.remember(attempt)
+
+    def remember_beyond(self, missed: float) -> None:
+        """Keeps that the target is out of reach, and how far [m] the nearest landing is."""
+        if not self.is_beyond and len(self.task.solvers) > 1:
+            self.context.beyond.append((self.task.target, self.task.turns, missed))

@@ -450,3 +450,21 @@ def test_a_landing_once_named_is_named_again_for_targets_beyond() -> None:
     assert first.status == second.status == "out_of_reach"
     assert second.nearest.x == pytest.approx(first.nearest.x, abs=0.005)
     assert planner.plan(second.nearest).solved
+
+
+@pytest.mark.slow
+def test_targets_beside_one_out_of_reach_are_answered_from_it() -> None:
+    """No throw lands nearer than 0.13 m to the first, so none lands within half of that; the
+    nearest landing is the one that a planner of its own finds."""
+    planner, own = tp.Planner("pose", library=False), tp.load_scene("pose").target
+    first = own.shifted(0.35, 0.0)
+    away = first.distance(planner.plan(first, patience=60.0).nearest, 1.0)
+    for share, beside in ((-0.4, True), (0.4, True), (-0.9, False)):
+        target, alone = first.shifted(share * away, 0.0), tp.Planner("pose", library=False)
+        plan, other = planner.plan(target, patience=60.0), alone.plan(target, patience=60.0)
+        assert plan.status == other.status == "out_of_reach"
+        if beside:
+            assert plan.iterations < other.iterations / 4
+        lands, alike = (target.distance(one.nearest, 1.0) for one in (plan, other))
+        assert lands < 1.02 * alike + 1e-3
+        assert planner.plan(plan.nearest).solved
