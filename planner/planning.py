@@ -151,7 +151,7 @@ def _failed_plan(search: Search, history: History) -> Plan:
         return unsolved_plan(search, history, words, out_of_reach=far, binding=binding)
     edge = history.edges[0].edge if history.edges else None
     if edge is not None and search.is_nearest_possible(history):
-        search.remember_beyond(edge.missed)
+        search.remember_beyond(edge.pose)
         if search.blocked:
             edge = replace(edge, names=tuple(dict.fromkeys((COLUMN, *edge.names))))
         words = edge.words("out of reach: nearest possible x", task.target)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from ...problems import Pose
-from ..library import Library
+from ..library import Library, Turns
 from ..samples import Releases
 from ..throw import Manipulator
 from .attempt import Attempt
 from .move import Corrector, fixed_optimum
-from .nlp_cache import NlpCache
+from .nlp_cache import NlpCache, Task
 
 
 @dataclass(frozen=True)
@@ -25,27 +25,27 @@ class SearchSettings:
     solutions for a region are corrected up to this multiple of the least cost. first_starts:
     sampled starts, and those of them that arrive well, solved before throws beside the target are
     brought to it; also throws of the library that are brought near with all constraints.
-    approaches: solved throws, brought as near to the target as limits allow; leads: of the library,
-    moved towards it before. found_distance: within it a solver starts from a throw of an earlier
-    plan. same_distance: a throw within it of one that is kept is not kept; a target within it of
-    the nearest landing is not called out of reach for sampled throws that lead nowhere; with a cup
-    within `close_distance`, as one of two such answers over the map of `cup` was false. A target is
-    out of reach if no sampled throw that was drawn towards it leads there, and a landing short of
-    it is new. It is far if the nearest of these lands more than `far_distance` off, of a hand
-    `far_of_hand` (one threw to targets 0.7 m from all drawn ones); then a throw that lands
-    `farther` than that one does not count: none of 214 led nearer. Near a hand's target, and among
-    obstacles, many sampled starts must lead nowhere (beside the reach of `hand-flip` 5 of 39
-    answers after 6 starts were false, none of 34 after 16); with a library of `dense` throws or
-    more a target is out of reach also if one start leads nowhere and the nearest landing agrees
-    with another: their distances are within a factor of `equal_ratio`, and they are nearer to each
-    other than `same_side` of that; nearer than `close_distance` also the drawn throws lead nowhere
-    (4 of 17 were false there), of a hand nearer than `close_of_hand` also many sampled ones (two of
-    46 such answers were false, 25 and 95 mm off). Inside the base column the search ends with a
-    landing of a led throw, or after `column_approaches`. An approach that limits hold farther off
-    than `hopeless` times the nearest landing of an NLP ends, and of two landings that are evidence
-    the second is nearer than that. dense: throws of a library whose reach is known by them;
-    dense_in_x: with theta open. beyond_share: of the distance between a target out of reach and its
-    nearest landing, within which other targets are out of reach, too.
+    approaches: throws of earlier plans that are brought as near to the target as limits allow;
+    leads: of the library, moved towards it and then brought near. found_distance: within it a
+    solver starts from a throw of an earlier plan. same_distance: a throw within it of one that is
+    kept is not kept; a target within it of the nearest landing is not called out of reach for
+    sampled throws that lead nowhere; with a cup within `close_distance`, as one of two such answers
+    over the map of `cup` was false. A target is out of reach if no sampled throw that was drawn
+    towards it leads there, and a landing short of it is new. It is far if the nearest of these
+    lands more than `far_distance` off, of a hand `far_of_hand` (one threw to targets 0.7 m from all
+    drawn ones); then a throw that lands `farther` than that one does not count: none of 214 led
+    nearer. Near a hand's target, and among obstacles, many sampled starts must lead nowhere (beside
+    the reach of `hand-flip` 5 of 39 answers after 6 starts were false, none of 34 after 16); with a
+    library of `dense` throws or more a target is out of reach also if one start leads nowhere and
+    the nearest landing agrees with another: their distances are within a factor of `equal_ratio`,
+    and they are nearer to each other than `same_side` of that; nearer than `close_distance` also
+    the drawn throws lead nowhere (4 of 17 were false there), of a hand nearer than `close_of_hand`
+    also many sampled ones (two of 46 such answers were false, 25 and 95 mm off). Inside the base
+    column the search ends with a landing of a led throw, or after `column_approaches`. An approach
+    that limits hold farther off than `hopeless` times the nearest landing of an NLP ends, and of
+    two landings that are evidence the second is nearer than that. dense: throws of a library whose
+    reach is known by them; dense_in_x: with theta open. beyond_share: of the distance between a
+    target out of reach and its nearest landing, within which other targets are out of reach, too.
     """
 
     moves: int = 4
@@ -93,19 +93,42 @@ def agree(misses: Iterable[tuple[float, float]], lever: float) -> bool:
     )
 
 
+@dataclass(frozen=True)
+class BeyondReach:
+    """A target that was found to be out of reach, and the landing that was named as nearest."""
+
+    target: Pose
+    turns: Turns
+    nearest: Pose
+
+    def covers(self, task: Task) -> bool:
+        """Whether a task's target is out of reach, too.
+
+        No throw lands nearer to this target than the nearest landing, so none lands at targets
+        within that distance: of one kind, in one plane, at one height. Up to `beyond_share` of it
+        counts, as the landing may not be the very nearest.
+        """
+        target, lever = task.target, task.scene.object.half_length
+        most = SETTINGS.beyond_share * self.target.distance(self.nearest, lever)
+        if self.target.distance(target, lever) > most or self.turns != task.turns:
+            return False
+        aside = abs(self.target.plane.azimuth - target.plane.azimuth)
+        alike = self.target.changed(x=target.x, y=target.y, theta=target.theta) == target
+        return alike and aside < 1e-9 and self.target.kind == target.kind
+
+
 @dataclass(frozen=True, eq=False)
 class SearchContext:
     """Data that the searches of one scene share.
 
     table: gives the release table; keep: whether the library is in the cache, or stays empty.
-    beyond: targets that were found to be out of reach, with what `turns` they had and how far [m]
-    the nearest landing is.
+    beyond: targets that were found to be out of reach.
     """
 
     problems: NlpCache
     table: Callable[[], Releases]
     keep: bool = True
-    beyond: list[tuple[Pose, str, float]] = field(default_factory=list)
+    beyond: list[BeyondReach] = field(default_factory=list)
 
     def from_state(self, manipulator: Manipulator) -> SearchContext:
         """The context of a manipulator that begins in another state of motion.

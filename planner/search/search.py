@@ -11,12 +11,13 @@ from heapq import merge
 from itertools import islice
 from operator import attrgetter
 
+from ...problems import Pose
 from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement
 from ..result import PlannedThrow
 from .attempt import Attempt, Start
 from .candidates import MANY_STARTS, REGION_STARTS, Candidates, release_start
-from .context import SETTINGS, SearchContext, agree
+from .context import SETTINGS, BeyondReach, SearchContext, agree
 from .feasibility import in_column
 from .history import PRICES, Approach, History, Solve, Try
 from .move import moved_start, optimum_of
@@ -218,7 +219,7 @@ class Search:
             return []
         return [
             Approach(near.goal, near, near.distance, light=True, prices=PRICES[-1:])
-            for near in self.ends[: SETTINGS.approaches + 1]
+            for near in self.ends[: SETTINGS.leads]
         ]
 
     @cached_property
@@ -246,25 +247,27 @@ class Search:
         sampled = [away for _, _, away in self.candidates.arriving.nearest]
         return self._is_nearest(least, [one.distance for one in stored] + sampled)
 
+    def is_short_cut(self, history: History) -> bool:
+        """Whether an earlier plan shows that the target is out of reach, and no throw has been
+        brought near it yet, which then suffices."""
+        return bool(self._beyond) and not history.approaches
+
     @cached_property
-    def is_beyond(self) -> bool:
-        """Whether a target nearby was found to be out of reach: at most half as far from this one
-        as from the nearest landing. No throw comes nearer to that one, so none lands at this."""
-        target, lever = self.task.target, self.task.scene.object.half_length
-        return any(
-            known.distance(target, lever) <= SETTINGS.beyond_share * missed
-            and known.in_plane(target.plane_x, target.theta) == target
-            and turns == self.task.turns
-            for known, turns, missed in self.context.beyond
-        )
+    def _beyond(self) -> list[BeyondReach]:
+        """Targets of earlier plans that show that this one is out of reach."""
+        if len(self.task.solvers) == 1 or self.blocked:
+            return []
+        return [one for one in self.context.beyond if one.covers(self.task)]
 
     def _is_known(self, history: History, least: float) -> bool:
-        """Whether the target is beyond the reach by an earlier plan, and a throw was brought near
-        it: with the nearest landing, `least` [m] off, no farther than throws of earlier plans."""
-        if not self.is_beyond or not history.is_approached:
+        """Whether an earlier plan shows that the target is out of reach, a throw was brought near
+        it, and no throw of an earlier plan lands nearer than `least` [m]."""
+        if not self._beyond or not history.is_approached or least < self.sure_distance:
             return False
-        known = self._nearest(self.context.found, 1, math.inf)
-        return self._is_nearest(least, [one.distance for one in known])
+        target, lever = self.task.target, self.task.scene.object.half_length
+        named = [target.distance(one.nearest, lever) for one in self._beyond]
+        known = [one.distance for one in self._nearest(self.context.found, 1, math.inf)]
+        return self._is_nearest(least, named + known)
 
     def _is_evident(self, history: History, least: float) -> bool:
         """Whether many sampled throws lead nowhere, or with a dense library one does and the
@@ -369,7 +372,11 @@ class Search:
         for attempt in history.found or islice(solved, 1):
             self.context.remember(attempt)
 
-    def remember_beyond(self, missed: float) -> None:
-        """Keeps that the target is out of reach, and how far [m] the nearest landing is."""
-        if not self.is_beyond and len(self.task.solvers) > 1:
-            self.context.beyond.append((self.task.target, self.task.turns, missed))
+    def remember_beyond(self, nearest: Pose) -> None:
+        """Keeps that the target is out of reach, and the landing that is named as nearest.
+
+        Not if an earlier plan shows it, so that errors do not add up.
+        """
+        task = self.task
+        if not (self._beyond or self.blocked or task.target.is_region or len(task.solvers) == 1):
+            self.context.beyond.append(BeyondReach(task.target, task.turns, nearest))

@@ -59,7 +59,7 @@ def from_warm_plan(search: Search, history: History) -> Try | None:
 def from_nearest_samples(search: Search, history: History) -> Try | None:
     """A solver's start from one of few sampled releases: those that land nearest, then those of
     them that arrive well."""
-    if search.blocked or search.is_beyond or search.is_settled(history):
+    if search.blocked or search.is_short_cut(history) or search.is_settled(history):
         return None
     compares = search.task.target.is_region and history.found
     count = REGION_STARTS if compares else SETTINGS.first_starts
@@ -92,8 +92,8 @@ def from_found(search: Search, history: History) -> Try | None:
     elastic landings do not.
     """
     is_named = len(search.task.solvers) == 1
-    is_done = is_named or search.is_beyond or history.found or history.solves_from("found")
-    if is_done or search.blocked or search.is_settled(history):
+    is_done = is_named or history.found or history.solves_from("found")
+    if is_done or search.blocked or search.is_short_cut(history) or search.is_settled(history):
         return None
     near = search.earlier
     return None if near is None else Solve(replace(search.start(near), solver="ipopt"), "found")

@@ -453,18 +453,39 @@ def test_a_landing_once_named_is_named_again_for_targets_beyond() -> None:
 
 
 @pytest.mark.slow
-def test_targets_beside_one_out_of_reach_are_answered_from_it() -> None:
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_targets_beside_one_out_of_reach_are_answered_from_it(turn: float) -> None:
     """No throw lands nearer than 0.13 m to the first, so none lands within half of that; the
-    nearest landing is the one that a planner of its own finds."""
-    planner, own = tp.Planner("pose", library=False), tp.load_scene("pose").target
-    first = own.shifted(0.35, 0.0)
-    away = first.distance(planner.plan(first, patience=60.0).nearest, 1.0)
+    nearest landing is the one that a planner of its own finds, in any plane."""
+    planner, scene = tp.Planner("pose", library=False), tp.load_scene("pose")
+    lever, own = scene.object.half_length, scene.target.plane_x
+
+    def aimed(x: float) -> tp.Pose:
+        return dataclasses.replace(scene.target, x=x * math.cos(turn), y=x * math.sin(turn))
+
+    first = aimed(own + 0.35)
+    away = first.distance(planner.plan(first, patience=60.0).nearest, lever)
     for share, beside in ((-0.4, True), (0.4, True), (-0.9, False)):
-        target, alone = first.shifted(share * away, 0.0), tp.Planner("pose", library=False)
+        target, alone = aimed(own + 0.35 + share * away), tp.Planner("pose", library=False)
         plan, other = planner.plan(target, patience=60.0), alone.plan(target, patience=60.0)
         assert plan.status == other.status == "out_of_reach"
         if beside:
             assert plan.iterations < other.iterations / 4
-        lands, alike = (target.distance(one.nearest, 1.0) for one in (plan, other))
+        lands, alike = (target.distance(one.nearest, lever) for one in (plan, other))
         assert lands < 1.02 * alike + 1e-3
         assert planner.plan(plan.nearest).solved
+
+
+def test_what_is_out_of_reach_says_nothing_of_targets_of_another_kind() -> None:
+    """The cup or bin of a region stands elsewhere, an angle asks for more, and a named solver
+    starts from nothing that was found before."""
+    planner, own = tp.Planner("hand-box", library=False), tp.load_scene("hand-box").target
+    first = own.in_plane(3.0, None)
+    assert planner.plan(first, patience=60.0).status == "out_of_reach"
+    again = planner.plan(first.shifted(0.02, 0.0), patience=60.0)
+    assert again.status == "out_of_reach" and again.attempts < 6
+    region = tp.Region(x=(2.98, 3.04), z=own.z)
+    angle = dataclasses.replace(first, theta=0.3)
+    for target, solver in ((region, "auto"), (angle, "auto"), (first, "ipopt")):
+        plan = planner.plan(target, solver=solver, patience=60.0)
+        assert not plan.solved and plan.attempts > 12
