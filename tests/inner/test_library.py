@@ -510,8 +510,11 @@ def test_a_library_answers_before_releases_are_drawn(boxes: tp.Planner, monkeypa
 
 
 @pytest.mark.slow
-def test_a_hand_s_library_answers_far_from_the_target_with_few_nlps() -> None:
+def test_a_hand_s_library_answers_far_from_the_target_with_few_nlps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A search without it tries 25 more starts, and its nearest landing is no nearer."""
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
     planner, alone = tp.Planner("hand-box"), tp.Planner("hand-box", library=False)
     planner.prepare(150)
     for place in (3.2, -3.4):
