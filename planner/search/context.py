@@ -28,8 +28,8 @@ class SearchSettings:
     approaches: throws of earlier plans that are brought as near to the target as limits allow;
     leads: of the library, moved towards it and then brought near. found_distance: within it a
     solver starts from a throw of an earlier plan. same_distance: a throw within it of one that is
-    kept is not kept; a target within it of the nearest landing is not called out of reach for
-    sampled throws that lead nowhere; with a cup within `close_distance`, as one of two such answers
+    kept is not kept; a target within it of the nearest landing is not called out of reach, with a
+    cup within `close_distance` not for sampled throws that lead nowhere, as one of two such answers
     over the map of `cup` was false. A target is out of reach if no sampled throw that was drawn
     towards it leads there, and a landing short of it is new. It is far if the nearest of these
     lands more than `far_distance` off, of a hand `far_of_hand` (one threw to targets 0.7 m from all

@@ -274,8 +274,11 @@ class Search:
         nearest landings agree.
 
         One of the landings is new, as throws of earlier plans may be alike. If the nearest, `least`
-        [m] off, is close to the target, landings that agree are evidence only beside many samples.
+        [m] off, is close to the target, landings that agree are evidence only beside many samples,
+        and millimetres from it nothing is.
         """
+        if least < SETTINGS.same_distance:
+            return False
         is_started = bool(history.solves_from("samples"))
         are_alike = is_started and not self.is_sparse and self.are_alike(history)
         is_hand = self.task.scene.robot is None
