@@ -25,8 +25,8 @@ class SearchSettings:
     solutions for a region are corrected up to this multiple of the least cost. first_starts:
     sampled starts, and those of them that arrive well, solved before throws beside the target are
     brought to it; also throws of the library that are brought near with all constraints.
-    approaches: throws of earlier plans that are brought as near to the target as limits allow;
-    leads: of the library, moved towards it and then brought near. found_distance: within it a
+    approaches: solved throws, brought as near to the target as limits allow; leads: of the library,
+    moved towards it before. found_distance: within it a
     solver starts from a throw of an earlier plan. same_distance: a throw within it of one that is
     kept is not kept; a target within it of the nearest landing is not called out of reach, with a
     cup within `close_distance` not for sampled throws that lead nowhere, as one of two such answers

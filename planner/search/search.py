@@ -147,7 +147,8 @@ class Search:
         yield from self.drawn
         if self.is_sparse:
             yield from self.stored
-        yield from (replace(one, light=False) for one in self.stored[: SETTINGS.first_starts])
+        nearest = sorted(self.stored, key=attrgetter("away"))[: SETTINGS.first_starts]
+        yield from (replace(one, light=False) for one in nearest)
 
     @cached_property
     def nearby(self) -> list[Approach]:
@@ -210,26 +211,33 @@ class Search:
 
     @cached_property
     def stored(self) -> list[Approach]:
-        """Approaches from the library's nearest throws.
+        """Approaches from the library: from the boundary of the reach, then from other throws.
 
         They end before costly constraints: other starts may need none. From solved throws the first
         price gains nothing.
         """
         if len(self.task.solvers) == 1:
             return []
+        others = self._nearest(self.context.library, SETTINGS.approaches, math.inf)
         return [
             Approach(near.goal, near, near.distance, light=True, prices=PRICES[-1:])
-            for near in self.ends[: SETTINGS.leads]
+            for near in (*self.boundary, *others)
         ]
 
     @cached_property
+    def boundary(self) -> list[Neighbour]:
+        """The nearest throw of the library's boundary, if there is one: even far from the target,
+        as its motion is often of another kind."""
+        task = self.task
+        return list(self.context.library.nearest_of_boundary(task.target, task.turns, 1))
+
+    @cached_property
     def ends(self) -> list[Neighbour]:
-        """The nearest throws of the library, the nearest of its boundary among them: those that are
-        led to the target, and one more."""
-        library, task, count = self.context.library, self.task, SETTINGS.leads + 1
-        boundary = library.nearest_of_boundary(task.target, task.turns, 1)
-        inside = self._nearest(library, count, math.inf)
-        near = merge(boundary, inside, key=lambda one: one.distance)
+        """The nearest throws of the library, its boundary among them: those that are led to the
+        target, and one more."""
+        count = SETTINGS.leads + 1
+        inside = self._nearest(self.context.library, count, math.inf)
+        near = merge(self.boundary, inside, key=lambda one: one.distance)
         return list(islice(near, count))
 
     def is_settled(self, history: History) -> bool:
