@@ -81,6 +81,11 @@ class Task:
     turns: Turns = "exact"
     wanted: int = 1
 
+    @property
+    def names_solver(self) -> bool:
+        """Whether the user names a solver. It starts from no solved throw but a warm plan's."""
+        return len(self.solvers) == 1
+
     def aimed_at(self, target: Pose) -> Task:
         """This task for another target; a cup stays where it is for a pose of the task's region."""
         if target is self.target:

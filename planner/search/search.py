@@ -156,7 +156,7 @@ class Search:
         they land, nearest first."""
         task, context = self.task, self.context
         found = list[Approach]()
-        if len(task.solvers) > 1:
+        if not task.names_solver:
             for near in self._nearest(context.found, SETTINGS.approaches, math.inf):
                 found.append(Approach(near.goal, near, near.distance, found=True))
         for number, (table, index, goal, pose) in enumerate(self.candidates.judged):
@@ -216,7 +216,7 @@ class Search:
         They end before costly constraints: other starts may need none. From solved throws the first
         price gains nothing.
         """
-        if len(self.task.solvers) == 1:
+        if self.task.names_solver:
             return []
         others = self._nearest(self.context.library, SETTINGS.approaches, math.inf)
         return [
@@ -263,7 +263,7 @@ class Search:
     @cached_property
     def _beyond(self) -> list[BeyondReach]:
         """Targets of earlier plans that show that this one is out of reach."""
-        if len(self.task.solvers) == 1 or self.blocked:
+        if self.task.names_solver or self.blocked:
             return []
         return [one for one in self.context.beyond if one.covers(self.task)]
 
@@ -389,5 +389,5 @@ class Search:
         Not if an earlier plan shows it, so that errors do not add up.
         """
         task = self.task
-        if not (self._beyond or self.blocked or task.target.is_region or len(task.solvers) == 1):
+        if not (self._beyond or self.blocked or task.target.is_region or task.names_solver):
             self.context.beyond.append(BeyondReach(task.target, task.turns, nearest))

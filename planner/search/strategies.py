@@ -25,7 +25,7 @@ Strategy = Callable[[Search, History], Try | None]
 def from_neighbours(search: Search, history: History) -> Try | None:
     """Solved throws near the target, moved to it; for a region, and for weights of the cost that
     are not the library's, a solver's starts."""
-    if len(search.task.solvers) == 1:
+    if search.task.names_solver:
         return None
     neighbours = islice(search.neighbours(), search.moves)
     if search.task.target.is_region or search.task.scene.weights != Cost():
@@ -75,7 +75,7 @@ def from_library(search: Search, history: History) -> Try | None:
     Most targets that no throw of it was moved to are out of reach, if there are many; this says so
     soonest.
     """
-    if search.is_sparse or history.found or len(search.task.solvers) == 1:
+    if search.is_sparse or history.found or search.task.names_solver:
         return None
     if history.leads < min(SETTINGS.leads, len(search.ends)) and not search.task.target.is_region:
         return Lead(search.ends[history.leads])
@@ -91,8 +91,7 @@ def from_found(search: Search, history: History) -> Try | None:
     Along a line of targets 5 mm apart it leads from one to the next where sampled starts and
     elastic landings do not.
     """
-    is_named = len(search.task.solvers) == 1
-    is_done = is_named or history.found or history.solves_from("found")
+    is_done = search.task.names_solver or history.found or history.solves_from("found")
     if is_done or search.blocked or search.is_short_cut(history) or search.is_settled(history):
         return None
     near = search.earlier
