@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import casadi as ca
@@ -111,6 +112,18 @@ class Ocp:
         """Node k."""
         return Node(self, self.stages[k], k)
 
+    @cached_property
+    def hand_of_links(self) -> ca.Function:
+        """Pose, twist and acceleration (9,) of the hand, of the links' angles, rates and turns
+        (3 n,).
+
+        A function, since CasADi copies its expressions faster than Python writes them again.
+        """
+        n, links = self.n, ca.SX.sym("links", 3 * self.n)
+        given = ca.vertsplit(links)
+        hand = self.kinematics.motion_of(given[:n], given[n : 2 * n], given[2 * n :])
+        return ca.Function("hand", [links], [ca.vertcat(*(v for values in hand for v in values))])
+
     def each(self, name: str) -> ca.SX:
         """The parameter `name` with one value per coordinate."""
         return self.parameters(name, self.n)
@@ -182,13 +195,11 @@ class Scope:
 
     def hand_of(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Hand:
         """Pose, twist and motion of the hand at coordinates; lifted."""
-        n, kinematics, stage = self.ocp.n, self.ocp.kinematics, self.stage
-        links = stage.lift(*(v for values in (q, dq, ddq) for v in kinematics.link_angles(values)))
-        pose, twist, acceleration = kinematics.motion_of(
-            links[:n], links[n : 2 * n], links[2 * n :]
-        )
-        x, z, *motion = stage.lift(*pose, twist[2], *acceleration)
-        return [x, z, motion[0]], [*twist[:2], motion[1]], HandMotion(*motion)
+        stage, angles = self.stage, self.ocp.kinematics.link_angles
+        links = stage.lift(*(value for values in (q, dq, ddq) for value in angles(values)))
+        x, z, theta, v_x, v_z, *rest = ca.vertsplit(self.ocp.hand_of_links(ca.vertcat(*links)))
+        x, z, *motion = stage.lift(x, z, theta, *rest)
+        return [x, z, motion[0]], [v_x, v_z, motion[1]], HandMotion(*motion)
 
 
 @dataclass(frozen=True, eq=False)

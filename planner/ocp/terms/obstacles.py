@@ -55,6 +55,8 @@ SETTINGS = PlaneSettings()
 EMPTY = (0.0, 0.0, -1.0, -1.0)
 #: Numbers of a plane.
 SIZE = len(EMPTY)
+#: Numbers of a body's planes at an instant.
+BODY = SETTINGS.count * SIZE
 
 
 @dataclass(frozen=True)
@@ -84,61 +86,79 @@ class CollisionAvoidance(SceneConstraint):
 
     def in_interval(self, interval: Interval) -> None:
         """Links, hand and held bar at parts of the carry's intervals, and at later nodes."""
-        s, k = interval.ocp.structure, interval.k
+        s, k, links = interval.ocp.structure, interval.k, self._of_links(interval)
         for number in range(SETTINGS.carry if k < s.carry else 1):
             at = Instant.of(interval, number / SETTINGS.carry * interval.dt, "full")
             if number or k or s.free_start:
-                self._avoid(interval, at.q, number, at if k < s.detach else None)
+                self._avoid(interval, at.q, number, links, at if k < s.detach else None)
 
     def at_last(self, brake: Brake) -> None:
         """The arm in the brake."""
-        if not _links(brake.ocp.capsules, self.bodies):
+        links = self._of_links(brake)
+        if links is None:
             return
         braking = brake.ocp.each("braking")
         for number, time in enumerate(ca.vertsplit(brake.p("brake_times", len(SETTINGS.brake)))):
             q = braked(brake.place, brake.rate, time, braking, ca.fmin)
-            self._avoid(brake, q, number, None)
+            self._avoid(brake, q, number, links, None)
 
     def in_flight(self, flight: Flight) -> None:
         """The flying bar, at even shares of the flight."""
         if not self.flying:
             return
-        parts = max(flight.ocp.structure.parts, 1)
-        body, p = SETTINGS.count * SIZE, flight.p
-        size = SETTINGS.flight * parts * body
-        planes = flight.stage_parameter("flight_planes", size, flight.ocp.structure.detach, 1)
-        for i in range(SETTINGS.flight):
-            at = flight.after(flight.time * (i / (SETTINGS.flight - 1)))
-            cos, sin = ca.cos(at.theta), ca.sin(at.theta)
-            if flight.ocp.structure.parts:
-                points = flight.ocp.outline_points(2)
-            else:
-                points = [OutlinePoint(-p("behind")), OutlinePoint(p("ahead"))]
-            ends = [point.placed(at.x, at.z, cos, sin) for point in points]
-            for part in range(parts):
-                begin = (i * parts + part) * body
-                _avoid_planes(flight, ends[2 * part : 2 * part + 2], planes[begin:])
+        p, size = flight.p, max(flight.ocp.structure.parts, 1) * BODY
+        planes = flight.stage_parameter(
+            "flight_planes", SETTINGS.flight * size, flight.ocp.structure.detach, 1
+        )
+        share, here = ca.SX.sym("share"), ca.SX.sym("planes", size)
+        at = flight.after(flight.time * share)
+        cos, sin = ca.cos(at.theta), ca.sin(at.theta)
+        if flight.ocp.structure.parts:
+            points = flight.ocp.outline_points(2)
+        else:
+            points = [OutlinePoint(-p("behind")), OutlinePoint(p("ahead"))]
+        ends = [point.placed(at.x, at.z, cos, sin) for point in points]
+        bodies = [ends[i : i + 2] for i in range(0, len(ends), 2)]
+        each = ca.Function(
+            "flying", [share, here], [_clearances(bodies, here)], {"allow_free": True}
+        )
+        for i, now in enumerate(np.linspace(0.0, 1.0, SETTINGS.flight)):
+            self._subject_to(flight, each(now, planes[i * size : (i + 1) * size]))
 
-    def _avoid(self, node: Node, q: ca.SX, number: int, held: Instant | None) -> None:
-        """All bodies at coordinates q and instant `number`; held: the held bar, None after
-        detach."""
+    def _of_links(self, node: Node) -> ca.Function | None:
+        """Clearances [m] of the links in `bodies`, of the links' angles and the planes.
+
+        A function, since CasADi copies its expressions faster than Python writes them again.
+        """
         capsules = node.ocp.capsules
-        links, ends = _links(capsules, self.bodies), list[Any]()
-        if links:
-            assert capsules is not None
-            ends += capsules.ends(node.stage.lift(*capsules.arm.link_angles(q)), links)
-        if BAR in self.bodies:
-            parts = max(node.ocp.structure.parts, 1)
-            ends += [None] * parts if held is None else _bar(held)
-        if not ends:
+        links = _links(capsules, self.bodies)
+        if capsules is None or not links:
+            return None
+        angles = ca.SX.sym("angles", node.ocp.n)
+        planes = ca.SX.sym("planes", len(links) * BODY)
+        ends = capsules.ends(ca.vertsplit(angles), links)
+        return ca.Function("links", [angles, planes], [_clearances(ends, planes)])
+
+    def _avoid(
+        self, node: Node, q: ca.SX, number: int, links: ca.Function | None, held: Instant | None
+    ) -> None:
+        """All bodies at coordinates q and instant `number`; links: see `_of_links`; held: the held
+        bar, None after detach."""
+        of_links = 0 if links is None else links.numel_in(1)
+        parts = max(node.ocp.structure.parts, 1) if BAR in self.bodies else 0
+        size, stages = of_links + parts * BODY, node.ocp.structure.last + 1
+        if links is None and (held is None or not parts):
             return
-        size = len(ends) * SETTINGS.count * SIZE
-        stages = node.ocp.structure.last + 1
         planes = node.stage_parameter("planes", SETTINGS.carry * size, 0, stages)
-        for body, pair in enumerate(ends):
-            if pair is not None:
-                begin = number * size + body * SETTINGS.count * SIZE
-                _avoid_planes(node, [(x, z) for x, *_, z in pair], planes[begin:])
+        here = planes[number * size : (number + 1) * size]
+        if links is not None:
+            angles = node.stage.lift(*node.ocp.kinematics.link_angles(q))
+            self._subject_to(node, links(ca.vertcat(*angles), here[:of_links]))
+        if held is not None and parts:
+            self._subject_to(node, _clearances(_bar(held), here[of_links:]))
+
+    def _subject_to(self, node: Node, clearances: ca.SX) -> None:
+        node.subject_to("collision", clearances - node.p("clear_margin"), low=0.0)
 
 
 def _links(capsules: ArmCapsules | None, bodies: Sequence[str]) -> list[int]:
@@ -147,14 +167,17 @@ def _links(capsules: ArmCapsules | None, bodies: Sequence[str]) -> list[int]:
     return [i for i, name in enumerate(names) if name in bodies]
 
 
-def _avoid_planes(node: Node, ends: Sequence[tuple[ca.SX, ca.SX]], planes: ca.SX) -> None:
-    """Constrains both ends of a body to lie beyond its planes, `count` of them."""
-    for k in range(SETTINGS.count):
-        plane = planes[k * SIZE : (k + 1) * SIZE]
-        for (x, z), offset in zip(ends, (plane[2], plane[3]), strict=True):
-            # An empty plane's offset is far below the margin.
-            clearance = plane[0] * x + plane[1] * z - offset - node.p("clear_margin")
-            node.subject_to("collision", clearance, low=0.0)
+def _clearances(bodies: Sequence[Sequence[Sequence[Any]]], planes: ca.SX) -> ca.SX:
+    """Clearances [m] of both ends x, ..., z of each body from its planes, `count` of them.
+
+    An empty plane's offset is far below the margin.
+    """
+    numbers, rows = ca.vertsplit(planes), []
+    for i, begin in enumerate(range(0, len(numbers), SIZE)):
+        normal_x, normal_z, *offsets = numbers[begin : begin + SIZE]
+        for (x, *_, z), offset in zip(bodies[i // SETTINGS.count], offsets, strict=True):
+            rows.append(normal_x * x + normal_z * z - offset)
+    return ca.SX(ca.vertcat(*rows))
 
 
 def _bar(held: Instant) -> list[list[tuple[ca.SX, float, ca.SX]]]:
