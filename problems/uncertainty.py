@@ -278,9 +278,9 @@ class Robust(Section):
 
     method: 'quiet' (least load on the pads while they may open), 'scenarios' (several throws with
     other parameters share the hand's motion and land near the target), 'stationary' (constant
-    acceleration: the landing is stationary in the delay), 'auto' (the best of these and the plain
-    throw by a sweep); for comparison 'quiet-exactly' (no load, as a constraint), 'hand-velocity'
-    and 'joint-velocity' (constant over the window).
+    acceleration, at which the landing of a release at one instant is stationary in the delay),
+    'auto' (the best of several throws by a sweep); for comparison 'quiet-exactly' (no load, as a
+    constraint), 'hand-velocity' and 'joint-velocity' (constant over the window).
     """
 
     QUIET: ClassVar[str] = "quiet"

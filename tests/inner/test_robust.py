@@ -139,6 +139,21 @@ def test_a_free_hand_is_quiet_all_the_way() -> None:
     assert scaled_spread(plan) < scaled_spread(planned("hand-flip", None)) / 50
 
 
+@pytest.mark.parametrize(("name", "uncertainty"), [("delay", DELAY), ("hand-flip", None)])
+def test_a_stationary_throw_lands_at_the_same_pose_a_little_later(
+    name: str, uncertainty: Uncertainty | None
+) -> None:
+    """By the derivative of its landing in the delay, from a sweep by the exact model."""
+    slopes, spreads = [], []
+    for method in (None, "stationary"):
+        plan = planned(name, uncertainty, method)
+        x, theta = tp.sweep(plan, samples=64).derivatives["delay"]
+        slopes.append(abs(x) + abs(theta) * plan.scene.object.half_length)
+        spreads.append(scaled_spread(plan))
+    assert slopes[1] < slopes[0] / 8
+    assert spreads[1] < spreads[0] / 8
+
+
 def test_quiet_forgives_friction_and_opening_time_too(nominal) -> None:
     """Planned without knowing it: 30 % less friction and 20 % longer opening."""
     other = nominal.scene

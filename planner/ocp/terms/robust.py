@@ -6,6 +6,11 @@ the landing. The load is b, the acceleration of the object's CoM less gravity's,
 angular acceleration; a quiet release has b = 0, alpha = 0. The grip force of the earliest opening
 sets the price of the load: a firm grip holds the object under load.
 
+Stationary landing: the coordinates keep their acceleration in the window. Let go dt later, the
+object has gained b dt and alpha dt over its free flight from before. So it lands (b_z t_f / -v_z)
+dt later, and at the same x and theta, to first order, if b_x v_z = b_z v_x and alpha v_z = b_z
+omega with the speeds at the landing.
+
 Errors of CoM, grasp and hand move the state at detach and with it the landing. Their price is the
 variance of the landing, to first order.
 
@@ -27,7 +32,7 @@ from ....problems import Robust
 from ..problem import land
 from ..request import Request
 from ..scene_constraint import Brake, Flight, SceneConstraint
-from ..stages import JERK, REL, Stage
+from ..stages import DDQ, REL, Stage
 from ..transcription import NODES, Interval, Ocp, grip_instants
 
 
@@ -51,6 +56,7 @@ class RobustSettings:
 
 
 SETTINGS = RobustSettings()
+STATIONARY = "stationary"
 
 
 @dataclass(frozen=True)
@@ -76,10 +82,28 @@ class Quiet(SceneConstraint):
         }
         return cls(values, Robust.QUIET if request.robust == "scenarios" else request.robust)
 
+    def add_states(self, ocp: Ocp, k: int, stage: Stage) -> None:
+        """The acceleration of a free hand, if it is to stay constant in the window."""
+        s = ocp.structure
+        if self.method == STATIONARY and not s.jerk_control and k > s.carry:
+            stage.state(DDQ, ocp.n)
+
     def in_interval(self, interval: Interval) -> None:
         """The method's constraints or cost in the window: after the carry."""
         if interval.phase != "carry":
             METHODS[self.method](interval)
+
+    def in_flight(self, flight: Flight) -> None:
+        """`stationary`: the derivatives of the landing in the delay are zero, for a release at the
+        instant of detach."""
+        if self.method != STATIONARY:
+            return
+        ocp, hand, end = flight.ocp, flight.hand[2], flight.end
+        b_x, b_z, _ = held_wrench(replace(ocp.body, mass=1.0), ocp.gravity, hand, ocp.grasp_angle)
+        moved = b_x * end.v_z - b_z * end.v_x
+        turned = flight.p("quiet_arm") * (hand.alpha * end.v_z - b_z * end.omega)
+        for value in (moved, turned) if ocp.structure.angle else (moved,):
+            flight.subject_to("stationary landing", value, 0.0, 0.0)
 
 
 def _loads(interval: Interval) -> list[list[ca.SX]]:
@@ -126,16 +150,19 @@ def _keep_joint_velocity(interval: Interval) -> None:
 
 
 def _keep_acceleration(interval: Interval) -> None:
-    """The coordinates move at constant acceleration: a free hand does in any case."""
-    if JERK in interval.stage.controls:
-        interval.subject_to("constant acceleration", interval.stage.controls[JERK], -1e-4, 1e-4)
+    """The coordinates move at constant acceleration over the window."""
+    control = interval.stage.controls[interval.ocp.control]
+    if interval.ocp.structure.jerk_control:
+        interval.subject_to("constant acceleration", control, -1e-4, 1e-4)
+    elif DDQ in interval.stage.states:
+        interval.subject_to("constant acceleration", control - interval.stage.states[DDQ], 0.0, 0.0)
 
 
 #: What each robust method adds to an interval of the window.
 METHODS: dict[str, Callable[[Interval], None]] = {
     Robust.QUIET: _price_load,
     "quiet-exactly": _exclude_load,
-    "stationary": _keep_acceleration,
+    STATIONARY: _keep_acceleration,
     "hand-velocity": _keep_hand_velocity,
     "joint-velocity": _keep_joint_velocity,
 }
