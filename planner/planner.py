@@ -117,13 +117,14 @@ class Planner:
         """A throw to `target` (the scene's by default), with its status.
 
         Always returns; raises InputError only for wrong input. target: a `Pose` or a `Region`, or
-        an array of x, z [m] and theta [rad]. solver: 'auto' is FATROP, IPOPT too for a named robust
-        method. turns: 'any' takes theta modulo full turns. warm: a solved plan of this scene for a
-        target nearby. alternatives: number of further throws to look for, each different, for
-        `Plan.alternatives`. robust: a method of [robust], instead of the scene's. patience [s]:
-        time limit, without building; by default 10 s, 20 s for several throws, 6 s for a robust
-        one. start: a state of motion in which the throw begins at its time 0, instead of the
-        scene's start; `warm` is then a plan whose motion passes that state.
+        an array of x, z [m] and theta [rad]. solver: 'auto' is FATROP, and IPOPT from a throw of an
+        earlier plan nearby and for a named robust method. turns: 'any' takes theta modulo full
+        turns. warm: a solved plan of this scene for a target nearby. alternatives: number of
+        further throws to look for, each different, for `Plan.alternatives`. robust: a method of
+        [robust], instead of the scene's. patience [s]: time limit, without building; by default 10
+        s, 20 s for several throws, 6 s for a robust one. start: a state of motion in which the
+        throw begins at its time 0, instead of the scene's start; `warm` is then a plan whose motion
+        passes that state.
         """
         started = time.perf_counter()
         target = self.check(target)

@@ -83,14 +83,12 @@ def plan_from_warm(context: SearchContext, task: Task, warm: PlannedThrow) -> Pl
 def solved_plan(search: Search, history: History) -> Plan:
     """The plan of the throw that the scene's [choice] prefers, with the others as alternatives."""
     by = "effort" if search.task.scene.choice is None else search.task.scene.choice.by
-    best, *others = history.ordered(by)
-    rest = [_plan_of(search, other, other.iterations, other.solves) for other in others]
-    return _plan_of(search, best, history.iterations, history.solves, tuple(rest))
+    best, *rest = (_plan_of(search, found) for found in history.ordered(by))
+    iterations, solves = history.iterations, history.solves
+    return replace(best, iterations=iterations, attempts=solves, alternatives=tuple(rest))
 
 
-def _plan_of(
-    search: Search, found: Attempt, iterations: int, solves: int, others: tuple[Plan, ...] = ()
-) -> Plan:
+def _plan_of(search: Search, found: Attempt) -> Plan:
     """The plan of one solved throw."""
     assert found.throw is not None
     return Plan(
@@ -101,11 +99,10 @@ def _plan_of(
         found.throw.words(found.goal),
         found.throw,
         solver=found.solver,
-        iterations=iterations,
-        attempts=solves,
+        iterations=found.iterations,
+        attempts=found.solves,
         variables=found.throw.nlp_size[0],
         constraints=found.throw.nlp_size[1],
-        alternatives=others,
     )
 
 

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from ..models import Array, Flags, FlightLaw, Indices
 from ..problems import InputError, Pose, Scene
-from .ocp import Refinement, Request
+from .ocp import Refinement
 from .planning import solved_plan
 from .rest import entry_states, floor_of, load_mujoco, roll_to_rest
 from .result import Plan
@@ -30,7 +29,7 @@ from .search import (
     Start,
     Task,
     attempts,
-    initial_guess_from,
+    guess_of,
     release_start,
 )
 from .uncertainty import RestingThrow
@@ -133,8 +132,7 @@ def _starts(search: Search, plan: Plan) -> Iterator[Start]:
     landing = throw.deciding.landing.state
     price = throw.effort / (landing.v_x**2 + landing.v_z**2)
     refinements = [replace(throw.refinement, soft=share * price) for share in SETTINGS.prices]
-    request = Request(task.scene, problems.manipulator)
-    guess = partial(initial_guess_from, throw=throw, request=request)
+    guess = guess_of(throw, task.scene)
     for refinement in refinements:
         yield Start(task.target, guess, task.solvers[0], refinement, tries=4)
     releases = search.candidates.arriving.releases

@@ -114,7 +114,9 @@ def plan_arguments(add: Add) -> None:
     add_target(add)
     words = "exact: THETA_DEG counts full turns; any: it does not (default: exact)"
     add("--turns", choices=("exact", "any"), default="exact", help=words)
-    words = "auto (default): FATROP, for a named method of --robust IPOPT, too"
+    words = (
+        "auto (default): FATROP, and IPOPT from earlier throws and for a named method of --robust"
+    )
     add("--solver", choices=("auto", "fatrop", "ipopt"), default="auto", help=words)
     words = "plan against the scene's [uncertainty] (default: an opening 10 ms early or late)"
     add("--robust", choices=Robust.METHODS, help=words)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ..ocp import CondensedQp, ReducedVariables, Refinement, Request, Solution
-from ..search import Clock, NlpCache, initial_guess_from, remaining_trajectory
+from ..search import Clock, NlpCache, condensed_at, initial_guess_from, remaining_trajectory
 from ..throw import TICK, State, Throw
 
 #: Usual move of a target: x [m], theta [rad].
@@ -52,11 +52,10 @@ class RestOfSwing:
         program = problems.problem(goal, refinement, "fatrop", clock)
         near = rest.exact if program.nlp.linearised else None
         request = Request(throw.scene, manipulator, goal, refinement, reference=near)
-        controls, numbers = ReducedVariables(request), program.nlp.parameter_values(request)
+        controls = ReducedVariables(request)
         point = Solution.none(initial_guess_from(program.nlp, rest, request))
-        places = controls.places(program.nlp)
         try:
-            at = CondensedQp.about(program.solver, point, numbers, program.limits, places)
+            at = condensed_at(controls, program, request, point)
         except np.linalg.LinAlgError:
             return None
         count = math.ceil(rest.deciding.detach_time / TICK - 1e-9) + 1
@@ -64,7 +63,7 @@ class RestOfSwing:
             first,
             at.with_fixed_duration,
             controls,
-            at.point[places],
+            at.point[controls.places(program.nlp)],
             TICK * np.arange(float(count)),
         )
 

@@ -149,12 +149,10 @@ class Library:
         landings = self.landings(target.z)
         return self._nearest(self._solved, landings, target, turns, count, within)
 
-    def nearest_of_boundary(
-        self, target: Pose, turns: Turns, count: int, within: float = math.inf
-    ) -> Iterator[Neighbour]:
-        """As `nearest_throws`, of the throws on the boundary of the reach."""
+    def nearest_of_boundary(self, target: Pose, turns: Turns, count: int) -> Iterator[Neighbour]:
+        """As `nearest_throws`, of the throws on the boundary of the reach, however far."""
         landings = self._landings_of(self.records[self._boundary], target.z)
-        return self._nearest(self._boundary, landings, target, turns, count, within)
+        return self._nearest(self._boundary, landings, target, turns, count, math.inf)
 
     def _nearest(
         self, rows: Indices, landings: Array, target: Pose, turns: Turns, count: int, within: float

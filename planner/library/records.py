@@ -67,9 +67,7 @@ def record_of(
     for name in ("u", "slope", "detach", "effort", "smoothing", "nlp_size"):
         row[name] = getattr(optimum, name)
     row["guards"] = " ".join(sorted(optimum.refinement.lazy)).encode()
-    # Six digits of each: all margins together fit into the text.
-    margins = {name: round(value, 6) for name, value in optimum.refinement.margins.values}
-    row["margins"] = json.dumps(margins).encode()
+    row["margins"] = _margins_text(optimum.refinement.margins)
     row["binding"][: len(optimum.binding)] = [
         name.encode()[:NAME] for name in optimum.binding[:LIMITS]
     ]
@@ -104,6 +102,16 @@ def are_valid(records: Records, controls: ReducedVariables) -> Flags:
             good &= [wrong.isdisjoint(row) for row in texts.tolist()]
     good[good] &= controls.near_bounds(records["u"][good].astype(float))
     return np.asarray(good)
+
+
+def _margins_text(margins: Margins) -> bytes:
+    """Margins as JSON, with six decimals, or as many as fit: all that there are with four."""
+    for digits in (6, 5, 4):
+        values = {name: round(value, digits) for name, value in margins.values}
+        text = json.dumps(values, separators=(",", ":")).encode()
+        if len(text) <= TEXT:
+            break
+    return text
 
 
 def _text(text: bytes) -> str:

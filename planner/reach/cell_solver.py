@@ -25,7 +25,6 @@ from ..search import (
     approach_goal,
     attempts,
     fixed_optimum,
-    moved_start,
     optimum_of,
     release_start,
 )
@@ -166,9 +165,7 @@ class CellSolver:
 
     def _solved_anew(self, near: Neighbour, task: Task) -> KnownThrow | None:
         """The NLP's solution from the throw; None where it has none."""
-        controls, manipulator = self.corrector.controls, self.problems.manipulator
-        start = moved_start(controls, manipulator, near.optimum, near.goal, task)
-        return self._solution(replace(start, rough=True), task)
+        return self._solution(replace(self.corrector.start(near, task), rough=True), task)
 
     def _from_releases(self, releases: Releases, task: Task) -> KnownThrow | None:
         """The NLP's solution from sampled releases, the nearest first; None without one."""
@@ -197,8 +194,7 @@ class CellSolver:
 
 def first_refinement(scene: Scene) -> Refinement:
     """What the first NLP of each cell constrains: the flying bar, where there is a palm or cup."""
-    workspace = scene.workspace
-    palm = workspace is not None and workspace.palm_clearance is not None
+    palm = scene.bounds.palm_clearance is not None
     return Refinement(frozenset({"flight"})) if palm or scene.cup is not None else BASE
 
 

@@ -276,7 +276,8 @@ class LibraryBuilder:
         return self._releases.picked(np.array([index for index, _, _ in nearest], int))
 
     def _unsolved_hits(self) -> list[Cell]:
-        """Cells that random throws hit and no neighbour led to, farthest from any throw last."""
+        """Cells that random throws hit and no neighbour led to, farthest from any throw last; nine
+        cells or more count alike."""
         known = np.array(list(self._solved)).reshape(-1, 2)
         lost = [cell for cell in self._hit if cell not in self._solved]
         away = {cell: np.abs(known - cell).sum(axis=1).min(initial=9) for cell in lost}

@@ -69,14 +69,12 @@ def reach_map(
     parts: list[tuple[Array, Array, Array, Counts]] = []
     down, rise, done = 0, (-math.inf, ""), 0
     for count, drawn in chunks(scene, manipulator, samples):
-        thrown = joined(*drawn)
-        x, theta, time = scene.flight.land(thrown.detach, height).T
+        x, theta, time = scene.flight.land(drawn.detach, height).T
         landed = np.isfinite(time) & (time <= FLIGHT_MAX)
         down += int(landed.sum())
         if not down:
-            for part in drawn:
-                rise = max(rise, highest(part, height, scene.flight)[1:])
-        thrown, x, theta, time = thrown.picked(landed), x[landed], theta[landed], time[landed]
+            rise = max(rise, highest(drawn, height, scene.flight)[1:])
+        thrown, x, theta, time = drawn.picked(landed), x[landed], theta[landed], time[landed]
         good = allowed(scene, manipulator, thrown, time)
         good &= lands_well(aimed, thrown.detach, np.column_stack([x, theta, time]), CUP_MARGIN)
         thrown = thrown.picked(good)
@@ -89,7 +87,8 @@ def reach_map(
     empty = ReachMap(scene, height, samples, x=x, theta=theta)
     library = Library(scene, manipulator)
     if len(library):
-        beyond = library.records[library.records["boundary"]]
+        # Places out of reach are of the height that the library was made for.
+        beyond = library.records[library.records["boundary"] & (height == scene.aim.z)]
         empty = dataclasses.replace(
             empty,
             solved=library.landings(height)[:2],
@@ -192,18 +191,16 @@ def _velocity_use(limits: Limits, q: Array, dq: Array) -> Array:
     return np.asarray(np.maximum(dq / np.maximum(high, 1e-9), dq / np.minimum(low, -1e-9)))
 
 
-def chunks(
-    scene: Scene, manipulator: Manipulator, samples: int
-) -> Iterator[tuple[int, list[Releases]]]:
+def chunks(scene: Scene, manipulator: Manipulator, samples: int) -> Iterator[tuple[int, Releases]]:
     """Of each chunk the number of states drawn, and the releases among them."""
     # A given start is where the carry begins; the run-up begins anywhere.
     sampler = ReleaseSampler(scene, dataclasses.replace(manipulator, start=None))
     for seed, first in enumerate(range(0, samples, CHUNK)):
         count = min(CHUNK, samples - first)
-        drawn = [sampler.draw(count, seed)]
+        drawn = sampler.draw(count, seed)
         if seed == 0 and manipulator.start is not None:
             # The last state of a draw lets go at rest at the start.
-            drawn.append(ReleaseSampler(scene, manipulator).draw(1))
+            drawn = joined(drawn, ReleaseSampler(scene, manipulator).draw(1))
         yield count, drawn
 
 

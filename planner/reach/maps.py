@@ -156,11 +156,11 @@ class ReachMap(ReadOnly):
         if not self.solved.size:
             return ""
         most = [name for name, _ in collections.Counter(self.binding).most_common(3)]
-        limits = f", most of them by {', '.join(most)}" if most else ""
-        return (
-            f"\n  library: {self.solved.shape[1]:,} solved throws, "
-            f"{self.beyond.shape[1]:,} places out of reach{limits}"
-        )
+        words = f"\n  library: {self.solved.shape[1]:,} solved throws"
+        if self.beyond.size:
+            words += f", {self.beyond.shape[1]:,} places out of reach, most of them by "
+            words += ", ".join(most)
+        return words
 
     def _target_words(self) -> str:
         """Whether the scene's target is in reach."""

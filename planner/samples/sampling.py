@@ -95,7 +95,7 @@ class ReleaseSampler:
         dq[still], ddq[still] = 0.0, 0.0
         if self.manipulator.start is not None:
             q[-1] = self.manipulator.start
-        return self._kept(q, dq, ddq, self.run_up_time(dq, ddq, rng), rng)
+        return self._kept(q, dq, ddq, rng)
 
     def perturb(self, table: Releases, parents: Indices, rng: np.random.Generator) -> Releases:
         """Releases from states near those of `parents` (indices), some nearer, some farther."""
@@ -107,12 +107,14 @@ class ReleaseSampler:
         dq = table.dq[parents] + width * 2 * limits.dq * rng.normal(size=size)
         ddq = table.ddq[parents] + width * 2 * limits.ddq * rng.normal(size=size)
         dq, ddq = np.clip(dq, -limits.dq, limits.dq), np.clip(ddq, -limits.ddq, limits.ddq)
-        return self._kept(q, dq, ddq, self.run_up_time(dq, ddq, rng), rng)
+        return self._kept(q, dq, ddq, rng)
 
-    def _kept(
-        self, q: Array, dq: Array, ddq: Array, duration: Array, rng: np.random.Generator
-    ) -> Releases:
+    def _kept(self, q: Array, dq: Array, ddq: Array, rng: np.random.Generator) -> Releases:
         """The feasible ones of some states, thrown."""
+        # The run-up's mean acceleration stays under the limits.
+        duration = (np.abs(dq) / self.manipulator.planning.ddq).max(axis=1)
+        duration = duration * rng.uniform(1.3, 2.2, duration.size)
+        duration = np.clip(duration, 0.12, self.scene.mesh.carry_max)
         if self.manipulator.start is not None:
             # The way from a given start may take up to the longest carry.
             longest = self.scene.mesh.carry_max
@@ -131,12 +133,6 @@ class ReleaseSampler:
         path = run_up(self.manipulator, q, dq, ddq, duration[:, None])
         clear &= clears_carried(self.scene, self.manipulator, path, duration[:, None])
         return Releases(q, dq, ddq, duration, states, clear)
-
-    def run_up_time(self, dq: Array, ddq: Array, rng: np.random.Generator) -> Array:
-        """Run-up time that keeps the run-up's mean acceleration under the limits."""
-        needed = (np.abs(dq) / self.manipulator.planning.ddq).max(axis=1)
-        longer = needed * rng.uniform(1.3, 2.2, needed.size)
-        return np.asarray(np.clip(longer, 0.12, self.scene.mesh.carry_max))
 
     def opened(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
         """Coordinates and rates (N, n) at the opening's end, and coordinates after braking."""

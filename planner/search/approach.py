@@ -17,7 +17,7 @@ from ..verdict import verdict
 from .attempt import Attempt, NearestFeasible, Start, attempts
 from .guess import guess_of
 from .history import Approach
-from .move import Corrector, throw_of
+from .move import Corrector
 from .nlp_cache import NlpCache, Task
 
 #: Most NLPs with an elastic landing, each refined by the check of the one before.
@@ -39,7 +39,7 @@ def approach_goal(corrector: Corrector, step: Approach, task: Task) -> Iterator[
     """
     problems, goal, source = corrector.problems, step.goal, step.source
     if isinstance(source, Neighbour):
-        throw = throw_of(corrector.controls, problems.manipulator, source.optimum, task)
+        throw = corrector.throw_of(source.optimum, task)
         guess, refinement = guess_of(throw, task.scene), throw.refinement
     else:
         guess, refinement = source.guess, source.refinement

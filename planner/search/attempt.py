@@ -15,13 +15,13 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ...models import Array, Trajectory
+from ...models import Array
 from ...problems import Pose, Scene
 from ..ocp import BASE, Refinement, Request, Solution, ThrowNlp, WarmStart
 from ..result import PlannedThrow
 from ..throw import SmoothingError, Throw, send
 from ..verdict import Code, Verdict, verdict
-from .guess import initial_guess_from
+from .guess import guess_of
 from .nlp_cache import CompiledNlp, NlpCache, Task
 
 #: Landing error (position [m], angle [rad]) at which corrections end, or half the tolerance.
@@ -192,22 +192,10 @@ def attempts(problems: NlpCache, start: Start, task: Task) -> list[Attempt]:
             break
         if start.light and after.costly:
             break
-        request = Request(task.scene, problems.manipulator, robust=start.robust)
         if not start.again:
-            guess = partial(initial_guess_from, throw=throw, request=request)
+            guess = guess_of(throw, task.scene, start.robust)
         refinement = after
     return made
-
-
-@dataclass(frozen=True)
-class _Candidate:
-    """A solution for an aim, its motion, and the throw that is sent."""
-
-    solution: Solution
-    numbers: Array
-    planned: Trajectory
-    throw: Throw
-    aim: Aim
 
 
 def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
@@ -228,15 +216,15 @@ def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
         if is_open:
             request = replace(request, start_angle=near.landing.theta)
     solves = _Solves(program, replace(request, refinement=start.refinement), start, task)
-    best, reason = solves.corrected(guess)
-    throw, judged, edge = None, None, None
-    if best is not None:
+    throw, reason = solves.corrected(guess)
+    judged, edge = None, None
+    if throw is not None:
+        assert throw.solution is not None
         with task.clock("check"):
-            throw = _planned_throw(program.nlp, best, start.refinement)
             judged = verdict(throw.deciding, start.goal)
             if start.elastic and not judged.ok:
                 names = program.nlp.binding_limits(
-                    manipulator.joints, best.solution, program.limits
+                    manipulator.joints, throw.solution, program.limits
                 )
                 throw, edge = _where_it_lands(throw, start.goal, names)
                 judged = verdict(throw.deciding, edge.pose)
@@ -280,7 +268,7 @@ class _Solves:
     iterations: int = 0
     count: int = 0
 
-    def corrected(self, guess: Array) -> tuple[_Candidate | None, str]:
+    def corrected(self, guess: Array) -> tuple[PlannedThrow | None, str]:
         """The solution whose sent motion lands nearest the goal; None and why, without one."""
         start, tolerance = self.start, self.task.scene.tolerance
         rough = tolerance.position / 2, tolerance.angle / 2
@@ -300,8 +288,8 @@ class _Solves:
             except SmoothingError as error:
                 reason = str(error)
                 break
-            x, _, theta = _landing_of(self.program.nlp, candidate)
-            miss = aim.miss(candidate.throw, (x, theta))
+            x, _, theta = candidate.planned_landing
+            miss = aim.miss(candidate.deciding, (x, theta))
             missed = error_over(*miss, aim.accuracy)
             if not missed < least:
                 reason = "the object never comes down to the target's height"
@@ -331,38 +319,27 @@ class _Solves:
         self.count += 1
         return solution, numbers
 
-    def _candidate(self, solution: Solution, numbers: Array, aim: Aim) -> _Candidate:
+    def _candidate(self, solution: Solution, numbers: Array, aim: Aim) -> PlannedThrow:
         """The solution's motion as it is sent, and its landing by the model that counts."""
-        manipulator = self.request.manipulator
-        request = Request(self.task.scene, manipulator, aim.goal, robust=self.start.robust)
-        planned, opening_time = self.program.nlp.motion(request, solution.x)
+        nlp, manipulator = self.program.nlp, self.request.manipulator
+        planned, opening_time = nlp.motion(self.request, solution.x)
         with self.task.clock("smooth"):
             samples = send(manipulator, planned)
         throw = Throw.sent(self.task.scene, manipulator, planned, samples, opening_time)
         with self.task.clock("check"):
             _ = throw.landing
-        return _Candidate(solution, numbers, planned, throw, aim)
-
-
-def _planned_throw(nlp: ThrowNlp, best: _Candidate, refinement: Refinement) -> PlannedThrow:
-    """The candidate as a throw."""
-    return PlannedThrow(
-        best.planned,
-        best.throw,
-        best.solution.cost,
-        nlp.size,
-        refinement,
-        best.aim.offset,
-        nlp.layout,
-        best.solution,
-        _landing_of(nlp, best),
-    )
-
-
-def _landing_of(nlp: ThrowNlp, best: _Candidate) -> tuple[float, float, float]:
-    """The NLP's landing: x, z [m], theta [rad]."""
-    x, z, theta = (float(v) for v in np.array(nlp.landing(best.solution.x, best.numbers)).ravel())
-    return x, z, theta
+        x, z, theta = map(float, np.array(nlp.landing(solution.x, numbers)).ravel())
+        return PlannedThrow(
+            planned,
+            throw,
+            solution.cost,
+            nlp.size,
+            self.start.refinement,
+            aim.offset,
+            nlp.layout,
+            solution,
+            (x, z, theta),
+        )
 
 
 def accuracy(scene: Scene) -> tuple[float, float]:

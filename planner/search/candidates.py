@@ -50,9 +50,6 @@ SOUND = 2
 #: Most NLPs solved from one release, each refined by the check of the one before.
 TRIES = 4
 
-#: Table, release, goal and landing of a sampled throw.
-_Judged = tuple[Releases, int, Pose, Pose]
-
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
@@ -124,14 +121,15 @@ class Candidates:
         return errors + UNMET * sum(unmet, np.zeros(len(errors)))
 
     @cached_property
-    def judged(self) -> list[_Judged]:
-        """Near throws that arrive, differ and break nothing where they land."""
-        arriving, sound = self.arriving, list[_Judged]()
+    def judged(self) -> list[tuple[int, Pose, Pose]]:
+        """(release of `arriving`, goal, landing) of near throws that differ and break nothing where
+        they land."""
+        arriving, sound = self.arriving, list[tuple[int, Pose, Pose]]()
         for index, goal, _ in arriving.different[:JUDGED]:
             with self.task.clock("guess"):
                 pose = arriving._sound_landing(index, goal)
             if pose is not None:
-                sound.append((arriving.releases, index, goal, pose))
+                sound.append((index, goal, pose))
             if len(sound) == SOUND:
                 break
         return sound

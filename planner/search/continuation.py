@@ -17,8 +17,8 @@ from ..library import Neighbour
 from ..ocp import CondensedQp, Optimum, Refinement, Request, Solution, Step, ThrowNlp
 from ..throw import Throw
 from .attempt import Attempt, accuracy, error_over
-from .guess import initial_guess_from
-from .move import Corrector, condensed_at, throw_of
+from .guess import guess_of
+from .move import Corrector, condensed_at
 from .nlp_cache import CompiledNlp, Task
 
 
@@ -108,11 +108,11 @@ class SqpContinuation:
         """The point after a step, and the step; None without one."""
         task, nlp, controls = self.task, program.nlp, self.corrector.controls
         manipulator = self.corrector.problems.manipulator
-        throw = throw_of(controls, manipulator, point.optimum, task)
+        throw = self.corrector.throw_of(point.optimum, task)
         x = point.x
         if x is None or nlp is not point.nlp:
             with task.clock("guess"):
-                x = initial_guess_from(nlp, throw, Request(task.scene, manipulator))
+                x = guess_of(throw, task.scene)(nlp)
         near = throw.exact if nlp.linearised else None
         aim = self.near.goal.shifted(*self.near.optimum.smoothing)
         request = Request(task.scene, manipulator, aim, refinement, reference=near)

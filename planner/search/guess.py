@@ -83,9 +83,9 @@ def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> 
     return nlp.decision_vector(times, list(throw.planned.at(times)), relative, other)
 
 
-def guess_of(throw: PlannedThrow, scene: Scene) -> Callable[[ThrowNlp], Array]:
-    """What makes the decision vector of an NLP of `scene` from a throw."""
-    request = Request(scene, throw.manipulator)
+def guess_of(throw: PlannedThrow, scene: Scene, robust: str = "") -> Callable[[ThrowNlp], Array]:
+    """What makes the decision vector of an NLP of `scene` from a throw; robust: its method."""
+    request = Request(scene, throw.manipulator, robust=robust)
     return partial(initial_guess_from, throw=throw, request=request)
 
 
@@ -111,10 +111,9 @@ def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float,
     return nodes, track, float(flown[0]), np.concatenate([np.zeros(0), *entries])
 
 
-def remaining_throw(throw: PlannedThrow, manipulator: Manipulator) -> PlannedThrow | None:
+def remaining_throw(throw: PlannedThrow, manipulator: Manipulator) -> PlannedThrow:
     """The rest of a throw from its sample nearest to the state that `manipulator` begins in."""
-    if manipulator.start is None:
-        return None
+    assert manipulator.start is not None
     samples, weight = throw.samples, manipulator.hard.dq
     off = np.abs(samples.q - manipulator.start)
     off += np.abs(samples.dq - manipulator.initial_motion[0]) / weight

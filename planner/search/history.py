@@ -124,8 +124,7 @@ class History:
     @cached_property
     def found(self) -> list[Attempt]:
         """The solved throws that differ, cheapest first."""
-        solved = [attempt for attempt in self.attempts if attempt.solved]
-        return distinct(solved) if len(solved) > 1 else solved
+        return distinct([attempt for attempt in self.attempts if attempt.solved])
 
     def ordered(self, criterion: str) -> list[Attempt]:
         """The throws found, best first by a criterion of `CRITERIA`."""
@@ -189,9 +188,7 @@ class History:
         """Refinement of the next NLP from another motion, by what the checks found broken."""
         refinement = first
         for entry in self.entries:
-            if not isinstance(entry.done, Solve) or not entry.attempts:
-                continue
-            if entry.done.origin == "samples":
+            if isinstance(entry.done, Solve) and entry.done.origin == "samples":
                 after = entry.attempts[-1].after
                 if "carry" not in after.lazy:
                     # The margin of the held bar belongs to that motion.

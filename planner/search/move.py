@@ -16,11 +16,10 @@ import numpy as np
 from ...core import MoveC, MovedC, SamplesC, library
 from ...models import Array, Trajectory
 from ...models.release import STEPPED_SURFACE, Release, compiled_release
-from ...problems import Pose
 from ..library import Neighbour
 from ..ocp import CondensedQp, Layout, Margins, Optimum, ReducedVariables, Request, Solution
 from ..result import PlannedThrow
-from ..throw import TICK, Manipulator, Samples, SmoothingError, Throw, case_of, send
+from ..throw import TICK, Samples, SmoothingError, Throw, case_of, send
 from ..verdict import verdict
 from .attempt import Attempt, Start, accuracy, error_over
 from .guess import guess_of
@@ -49,6 +48,24 @@ class Corrector:
 
     controls: ReducedVariables
     problems: NlpCache
+
+    def throw_of(self, optimum: Optimum, task: Task) -> PlannedThrow:
+        """An optimum's throw."""
+        planned, opening_time = self.controls.motion(optimum.u)
+        final = Throw(task.scene, self.problems.manipulator, planned, opening_time)
+        return PlannedThrow(planned, final, optimum.effort, optimum.nlp_size, optimum.refinement)
+
+    def start(self, near: Neighbour, task: Task) -> Start:
+        """A start for a solver from an optimum that lands near its goal."""
+        optimum = near.optimum
+        return Start(
+            near.goal,
+            guess_of(self.throw_of(optimum, task), task.scene),
+            task.solvers[0],
+            refinement=optimum.refinement,
+            tries=TRIES,
+            aim=optimum.smoothing,
+        )
 
     def attempt(self, near: Neighbour, task: Task) -> Attempt:
         """An attempt to throw to the goal of an optimum near it, along its slope."""
@@ -96,10 +113,9 @@ class Corrector:
 
     def _unmoved(self, near: Neighbour, task: Task) -> tuple[PlannedThrow, Array] | None:
         """The throw as it is where that lands at the goal, smoothed to the limits by Ruckig."""
-        manipulator = self.problems.manipulator
         if error_over(*near.miss, accuracy(task.scene)) > 1.0:
             return None
-        throw = throw_of(self.controls, manipulator, near.optimum, task)
+        throw, manipulator = self.throw_of(near.optimum, task), self.problems.manipulator
         try:
             samples = send(manipulator, throw.planned)
         except SmoothingError:
@@ -150,30 +166,6 @@ class Corrector:
         curves = kept["curves"][: 6 * n * (rows - 1)].reshape(6, n, rows - 1, 1)
         arrays = samples, kept["times"][:rows], curves, kept["kinks"][: found.corners]
         return Samples.known(*(array.copy() for array in arrays))
-
-
-def throw_of(
-    controls: ReducedVariables, manipulator: Manipulator, optimum: Optimum, task: Task
-) -> PlannedThrow:
-    """An optimum's throw."""
-    planned, opening_time = controls.motion(optimum.u)
-    final = Throw(task.scene, manipulator, planned, opening_time)
-    return PlannedThrow(planned, final, optimum.effort, optimum.nlp_size, optimum.refinement)
-
-
-def moved_start(
-    controls: ReducedVariables, manipulator: Manipulator, optimum: Optimum, goal: Pose, task: Task
-) -> Start:
-    """A start for a solver from an optimum that lands near `goal`."""
-    throw = throw_of(controls, manipulator, optimum, task)
-    return Start(
-        goal,
-        guess_of(throw, task.scene),
-        task.solvers[0],
-        refinement=optimum.refinement,
-        tries=TRIES,
-        aim=optimum.smoothing,
-    )
 
 
 def optimum_of(

@@ -20,7 +20,7 @@ from .candidates import MANY_STARTS, REGION_STARTS, Candidates, release_start
 from .context import SETTINGS, BeyondReach, SearchContext, agree
 from .feasibility import in_column
 from .history import PRICES, Approach, History, Solve, Try
-from .move import moved_start, optimum_of
+from .move import optimum_of
 from .nlp_cache import Task
 
 
@@ -37,12 +37,12 @@ class Search:
 
     def neighbours(self) -> Iterator[Neighbour]:
         """Solved throws near the target: the warm plan's and the library's, nearest first."""
-        task, context = self.task, self.context
+        context = self.context
         near = self._nearest(context.library, self.moves)
         # For targets that an earlier plan named as the nearest possible: its throw lands there.
         same = SETTINGS.same_distance
         named = (one for one in self._nearest(context.found, 2, same) if one.optimum.binding)
-        boundary = context.library.nearest_of_boundary(task.target, task.turns, 1, same)
+        boundary = (one for one in self.boundary if one.distance < same)
         found = self._warm_neighbour, named, boundary, near
         return merge(*found, key=lambda one: one.distance)
 
@@ -111,9 +111,7 @@ class Search:
 
     def start(self, near: Neighbour) -> Start:
         """A solver's start from a solved throw near the target."""
-        context = self.context
-        controls, manipulator = context.library.controls, context.problems.manipulator
-        return moved_start(controls, manipulator, near.optimum, near.goal, self.task)
+        return self.context.corrector.start(near, self.task)
 
     @cached_property
     def candidates(self) -> Candidates:
@@ -159,7 +157,8 @@ class Search:
         if not task.names_solver:
             for near in self._nearest(context.found, SETTINGS.approaches, math.inf):
                 found.append(Approach(near.goal, near, near.distance, found=True))
-        for number, (table, index, goal, pose) in enumerate(self.candidates.judged):
+        table = self.candidates.arriving.releases
+        for number, (index, goal, pose) in enumerate(self.candidates.judged):
             start = release_start(context.problems, task, table, index, goal)
             away = goal.distance(pose, task.scene.object.half_length)
             start = replace(start, goal=pose, again=True)
@@ -197,8 +196,6 @@ class Search:
     @property
     def _drawn_within(self) -> float:
         """Pose error [m] of the nearest drawn release; 0 if there are none."""
-        if self.task.scene.obstacle:
-            return 0.0
         return min((away for *_, away in self.candidates.drawn), default=0.0)
 
     @property

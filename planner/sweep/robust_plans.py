@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -13,9 +12,9 @@ import numpy as np
 
 from ...models import Flags
 from ...problems import Mesh, Robust, Scene
-from ..ocp import Request, peak_load
+from ..ocp import peak_load
 from ..result import Plan
-from ..search import Attempt, NlpCache, Start, Task, attempts, initial_guess_from
+from ..search import Attempt, NlpCache, Start, Task, attempts, guess_of
 from ..uncertainty import sampler_of
 from ..verdict import is_as_successful
 from .results import pose_errors
@@ -142,8 +141,7 @@ class Hardening:
         solvers = self.task.solvers[:1] if self.method == "auto" else self.task.solvers
         for scene in dict.fromkeys((with_reserves(plain), plain)):
             task = dataclasses.replace(self.task, scene=scene)
-            request = Request(scene, self.problems.manipulator, robust=method)
-            guess = functools.partial(initial_guess_from, throw=start, request=request)
+            guess = guess_of(start, scene, method)
             for solver in solvers:
                 # The middle of a region is the farthest from its bounds.
                 first = Start(
