@@ -269,8 +269,7 @@ def _fitted_words(table: Table) -> str:
 
 def _place(scene: Scene, rng: np.random.Generator) -> Pose:
     """A random target."""
-    assert scene.target is not None
-    return scene.target.in_plane(float(rng.uniform(*X)), float(rng.uniform(*THETA)))
+    return scene.aim.in_plane(float(rng.uniform(*X)), float(rng.uniform(*THETA)))
 
 
 def _column(table: Table, name: str) -> Array:

@@ -163,8 +163,7 @@ def beyond_map(found: ReachMap, count: int, ring: tuple[int, int]) -> list[Pose]
     with a landing."""
     from scipy.ndimage import binary_dilation
 
-    rng, target, most = np.random.default_rng(0), found.scene.target, ring[1]
-    assert target is not None
+    rng, target, most = np.random.default_rng(0), found.scene.aim, ring[1]
     edges = [found.x_edges] if found.theta_edges is None else [found.x_edges, found.theta_edges]
     widths = [float(some[1] - some[0]) for some in edges]
     landings = found.landings.reshape([len(some) - 1 for some in edges])
@@ -359,8 +358,7 @@ def _crossed(line: tuple[str, str], count: int) -> Row:
     """A line from the scene's own target across the edge: half of it before, half beyond."""
     name, way = line
     planner = Planner(CROSSED[name](), library=False)
-    own, lever = planner.scene.target, planner.scene.object.half_length
-    assert own is not None
+    own, lever = planner.scene.aim, planner.scene.object.half_length
     sign = -1.0 if way.startswith("-") else 1.0
     turns = way.endswith("theta")
 

@@ -55,8 +55,7 @@ class Case:
 
     def target(self, planner: Planner) -> Pose:
         """The case's target; the scene's own if no release lands."""
-        own = self.scene.target
-        assert own is not None
+        own = self.scene.aim
         if self.aim == "own":
             return own
         height = own.z

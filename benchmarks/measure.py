@@ -116,13 +116,12 @@ def quantiles(values: Sequence[float] | Array, *shares: float) -> list[float]:
 
 def reachable_targets(scene: Scene, seed: int) -> Iterator[Pose]:
     """Endless landing poses in reach; theta None where the scene's target leaves it open."""
-    assert scene.target is not None
     manipulator = make_manipulator(scene)
     rng = np.random.default_rng(seed)
     opening = scene.gripper.profile().opening
     while True:
         for motion, at in _motions(scene, manipulator, opening, rng):
-            pose = _thrown(scene, manipulator, motion, at, scene.target)
+            pose = _thrown(scene, manipulator, motion, at, scene.aim)
             if pose is not None:
                 yield pose
 

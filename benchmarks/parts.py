@@ -149,8 +149,7 @@ def imports_of(scene: Scene) -> Row:
 def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:
     """A throw of a free hand to a position, and one part more at a time, in words."""
     yield "as it is", scene
-    target = scene.target
-    assert target is not None
+    target = scene.aim
     aside = dataclasses.replace(scene.grasp, offset=0.8 * scene.object.com)
     scene = scene.replace(grasp=aside)
     yield "+ held aside of the CoM: it pivots", scene
@@ -178,9 +177,9 @@ def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:
 def at_own_angle(scene: Scene) -> Scene:
     """The scene with the angle of a plain throw's landing as the target's."""
     plan = Planner(scene, library=False).plan()
-    assert scene.target is not None and plan.throw is not None
+    assert plan.throw is not None
     theta = plan.throw.deciding.landing.theta
-    return scene.replace(target=dataclasses.replace(scene.target, theta=theta))
+    return scene.replace(target=dataclasses.replace(scene.aim, theta=theta))
 
 
 def _draw_ladder(rows: Table) -> Figure:

@@ -203,8 +203,7 @@ def _beside(planner: Planner, plans: list[Plan]) -> Row:
 
 def over_map(found: ReachMap, count: int) -> list[Pose]:
     """Targets at random places in `count` random bins with a landing."""
-    rng, target, edges = np.random.default_rng(MAP_SEED), found.scene.target, found.theta_edges
-    assert target is not None
+    rng, target, edges = np.random.default_rng(MAP_SEED), found.scene.aim, found.theta_edges
     hit = np.argwhere(found.landings > 0)
     chosen = hit[rng.permutation(len(hit))[:count]]
     if len(chosen) < count:

@@ -47,8 +47,8 @@ def _figures(table: Table) -> list[str]:
 def _compared(number: int, columns: int) -> Row:
     """The plans of one scene."""
     scene = bin_scene(number).replace(rest=None)
-    region = scene.target
-    assert region is not None and scene.cup is not None
+    region = scene.aim
+    assert scene.cup is not None
     plan = Planner(scene, library=False).plan()
     costs, count = list[float](), 0
     for x in np.linspace(-1.0, 1.0, columns) * region.half_widths[0]:

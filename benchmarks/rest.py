@@ -237,9 +237,9 @@ def _best_release(planner: Planner) -> float:
     """The largest share of trials that stay, of sampled releases that go into the cup as a plan
     must: they land in the target, and clear wall and rim on their way in."""
     scene, sampler = planner.scene, ReleaseSampler(planner.scene, planner.manipulator)
-    table, target = sampler.draw(TRIED, SEED), scene.target
+    table, target = sampler.draw(TRIED, SEED), scene.aim
     table = table.picked(np.arange(min(RELEASES, len(table.q))))
-    assert target is not None and scene.rest is not None
+    assert scene.rest is not None
     x, theta, flown = table.landings(target.z, scene.flight)
     dx, turn = target.miss(x, theta)
     # As if each landed in the middle, so that the cup is where it is.

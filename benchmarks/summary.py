@@ -159,13 +159,12 @@ def _agree(folder: Path) -> Iterator[str]:
     if not rows and not laws:
         return
     yield "## Do the models agree?"
-    apart = {law: _apart(laws, law) for law in ("sp", "limit surface", "ls")}
-    surface = max(apart["limit surface"], apart["ls"])
     if laws:
         yield (
             "A pad on a bar was meshed into 64 points with Coulomb friction. In the worst of four "
-            f"throws the limit surface lands {surface:.2g} mm from it and the sliding pivot, which "
-            f"the optimiser uses, {apart['sp']:.2g} mm. A turn counts by the way of the bar's end."
+            f"throws the limit surface lands {_apart(laws, 'ls'):.2g} mm from it and the sliding "
+            f"pivot, which the optimiser uses, {_apart(laws, 'sp'):.2g} mm. A turn counts by the "
+            "way of the bar's end."
         )
     if rows:
         yield (
@@ -179,12 +178,7 @@ def _agree(folder: Path) -> Iterator[str]:
 
 def _apart(laws: Rows, law: str) -> float:
     """Largest distance [mm] of a law from the meshed patch."""
-    found = [
-        float(row.get("to the patch [mm]") or row.get("scaled [mm]") or math.nan)
-        for row in laws
-        if row["law"] == law
-    ]
-    return max(found, default=0.0)
+    return max(float(row["to the patch [mm]"]) for row in laws if row["law"] == law)
 
 
 def _map(folder: Path) -> Iterator[str]:

@@ -9,13 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 from throwplan import Plan, Planner, Pose, load_scene, reach_map
 from throwplan.planner.show import Row, Table, shown
+from throwplan.planner.throw import TICK
 
 from .measure import quantiles
 from .page import Effort, ReportSection
 from .reach import SAMPLED, over_map
 
-#: Sampling interval [s] of a sent motion.
-TICK = 1e-3
 #: Updates per second.
 RATE = 400
 #: Largest speed [m/s] of the target.

@@ -251,8 +251,8 @@ def _after(
 
 def _planned(scene: Scene, ways: Sequence[tuple[float, float]]) -> list[Plan]:
     """Solved plans to the scene's target moved by some distances."""
-    planner, aim = Planner(scene, library=False), scene.target
-    assert aim is not None and aim.theta is not None
+    planner, aim = Planner(scene, library=False), scene.aim
+    assert aim.theta is not None
     goals = [Pose(aim.x + dx, aim.z, aim.theta + math.radians(turn)) for dx, turn in ways]
     plans = [planner.plan(goal) for goal in goals]
     lost = [goal for goal, plan in zip(goals, plans, strict=True) if not plan.solved]

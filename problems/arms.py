@@ -72,7 +72,7 @@ class GripperData:
     tcp: float = described("m, from the flange to the pads' centre")
     palm_back: float = described("m, its body behind the pads' centre: from here")
     palm_front: float = described("m, to here")
-    palm_half_width: float = described("m, half its thickness in the throwing plane")
+    palm_half_width: float = described("m, half its thickness in the throwing plane", least=0)
     mass: float = described("kg", above=0)
     com: tuple[float, float, float] = described(f"m, {FRAME}")
     inertia: tuple[float, float, float, float, float, float] = described(
@@ -230,9 +230,12 @@ def arm_from(tables: Mapping[str, Any]) -> Arm:
             raise InputError(
                 f"capsules {number}: link = {capsule.link}: must be 0 to {arm.joints + 1}"
             )
-    for low, high in zip(arm.limits.position_min, arm.limits.position_max, strict=True):
+    ranges = zip(arm.limits.position_min, arm.limits.position_max, strict=True)
+    ends, tool = [("[limits] position_min", *each) for each in ranges], arm.tool
+    ends += [("[tool] palm_front", tool.palm_front, tool.palm_back)] * (tool.palm_half_width > 0)
+    for key, low, high in ends:
         if low >= high:
-            raise InputError(f"[limits] position_min = {low:g}: must be below {high:g}")
+            raise InputError(f"{key} = {low:g}: must be below {high:g}")
     named = [("azimuth_joint", arm.azimuth_joint)]
     named += [("throwing_joints", joint) for joint in arm.throwing_joints]
     for key, joint in named:

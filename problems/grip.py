@@ -330,11 +330,12 @@ class Gripper(Section):
     def check(self) -> None:
         """The force is given in exactly one way, or taken from the file; a table falls to zero."""
         measured = bool(self.times or self.forces or self.table)
-        if self.file is not None and self.force is None and self.opening is None and not measured:
+        given = self.force is not None and self.opening is not None
+        if self.file is not None and not given and not measured:
             with within(f"file = {self.file!r}"):
                 data = load_gripper(self.file)
             for name in ("force", "dwell", "opening"):
-                object.__setattr__(self, name, getattr(data, name))
+                object.__setattr__(self, name, getattr(self, name) or getattr(data, name))
         linear = self.force is not None or self.opening is not None
         if linear == measured:
             raise InputError("give either 'force' and 'opening', or a measured 'table'")

@@ -51,9 +51,8 @@ def run(options: argparse.Namespace) -> int:
     if (options.mass is None) == (options.density is None):
         raise InputError("give --mass or --density")
     beside = out.with_name(f"{out.stem}-mesh.stl")
-    for path in (out, beside):
-        if path.exists() and not options.force:
-            raise InputError(f"{path}: exists; --force overwrites it")
+    if beside.exists() and not options.force:
+        raise InputError(f"{beside}: exists already, not overwritten; --force does it")
     axis, across = (v if v is None else tuple(v) for v in (options.axis, options.across))
     choices = MeshChoices(
         tuple(options.grasp),

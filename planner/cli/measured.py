@@ -1,4 +1,4 @@
-"""`throwplan make-throws`, `identify` and `validate`: measured throws and release models."""
+"""Commands on measured throws: `make-throws`, `identify`, `calibrate`, `validate`."""
 
 from __future__ import annotations
 

@@ -15,7 +15,17 @@ from .. import robot
 from ..cycle import is_cycle
 from ..throw import TICK
 from ..verdict import outside_tolerance
-from .common import DONE, Add, Progress, add_out, integer, print_result, report_step, written
+from .common import (
+    DONE,
+    Add,
+    Progress,
+    add_out,
+    integer,
+    print_result,
+    report_step,
+    toml_out,
+    written,
+)
 from .saved_plans import add_plan, add_plan_or_cycle
 
 #: Questions before a throw and its rehearsal, and before those of a cycle.
@@ -195,7 +205,8 @@ def measure_gripper_arguments(add: Add) -> None:
     words = "number of openings (default: 20)"
     add("--times", type=integer(2, 1000), metavar="N", default=20, help=words)
     add("--yes", action="store_true", help="move without confirmation")
-    add("--out", metavar="FILE", help="write the gripper file, for a scene's [gripper] file")
+    words = "write the gripper file, for a scene's [gripper] file"
+    add("--out", metavar="FILE.toml", help=words)
     add("--force", action="store_true", help="overwrite an existing file")
 
 
@@ -204,9 +215,7 @@ def measure_gripper(options: argparse.Namespace) -> int:
 
     example: throwplan measure-gripper --robot 172.16.0.2 --times 20 --out my-hand.toml
     """
-    path = None if options.out is None else Path(options.out)
-    if path is not None and path.exists() and not options.force:
-        raise InputError(f"{path}: exists already, not overwritten; --force does it")
+    path = None if options.out is None else toml_out(options)
     _check_terminal(options)
     question = "The gripper moves. Is it empty, and are all fingers away? [y/N] "
     ask = partial(_confirm, options.yes, question)

@@ -95,7 +95,7 @@ def scenes(options: argparse.Namespace) -> int:
 
 def _draw(scene: Scene, *, force: bool) -> Path:
     """Draw a scene as a PNG file in this folder; returns its path."""
-    path = Path(f"{scene.name}.png")
+    path = Path(Path(f"{scene.name}.png").name)
     if scene.motion is not None:
         raise InputError(f"{scene.place}: --draw: only a scene with [hand] or [robot]")
     if path.exists() and not force:
@@ -103,7 +103,7 @@ def _draw(scene: Scene, *, force: bool) -> Path:
     with Progress(f"{scene.name}: sampling throws"):
         found = reach_map(scene, samples=DRAWN).x
     reach = (float(found.min()), float(found.max())) if found.size else None
-    with filling(Path.cwd(), (path.name,)) as scratch:
+    with filling(Path.cwd(), (path.name,), "--draw") as scratch:
         draw_scene(scene, make_manipulator(scene), reach, scratch / path.name)
     return path
 

@@ -291,7 +291,7 @@ def _slower(space: SpatialScene, start: State, goal: State, *, held: bool) -> It
             ]
         except UnsolvedError:
             continue
-        yield _option(parts, route)
+        yield option_along(parts, route)
     for found in itertools.islice(direct(space, start, goal), 1, None):
         yield option_of((found,), DIRECT)
     for number, height in enumerate(LIFTS):
@@ -301,7 +301,7 @@ def _slower(space: SpatialScene, start: State, goal: State, *, held: bool) -> It
             yield option_of(both, (*LIFTED, number))
 
 
-def _option(parts: list[Samples], route: tuple[int, ...]) -> Option:
+def option_along(parts: list[Samples], route: tuple[int, ...] = ()) -> Option:
     """Samples one after another."""
     samples = joined(parts)
     return Option(TICK * (len(samples.q) - 1), lambda: samples, route=route)
@@ -332,7 +332,7 @@ def _after_brake(one: CycleThrow, goal: State) -> Iterator[Option]:
     rest, landed = at_rest(one.samples.q[-1]), len(one.samples.q) - 1
     for found in direct(one.space, rest, goal):
         for until in {max(one.braked, one.free), landed}:
-            yield _option([one.samples[one.free : until + 1], found.samples], BRAKED)
+            yield option_along([one.samples[one.free : until + 1], found.samples], BRAKED)
 
 
 def leave_connection(

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
-from ...problems import Obstacle, Pose, Scene, check_arguments
+from ...problems import Obstacle, Scene, check_arguments
 from ...problems.files import plain
 from ..clearance import SpatialScene
 from ..throw import NO_SAMPLES, TICK, Manipulator, Samples, State, Throw, braked, make_manipulator
@@ -264,8 +264,7 @@ def _later(findings: tuple[Finding, ...], ticks: int) -> Iterator[Finding]:
 def _step_entries(step: CycleStep, throw: Throw) -> dict[str, Any]:
     dx, dtheta = throw.miss()
     x, z, theta = throw.landing.pose
-    place: Array = step.scene.target.plane.points(x, z) if step.scene.target else np.zeros(3)
-    target: Pose | None = step.scene.target
+    target = step.scene.aim
     return {
         "pick": step.pick,
         "bin": step.bin,
@@ -277,7 +276,7 @@ def _step_entries(step: CycleStep, throw: Throw) -> dict[str, Any]:
         "detach_time": step.detach_time,
         "free_time": TICK * step.free,
         "landing_time": TICK * step.join + throw.landing_time,
-        "target": None if target is None else target.table,
-        "landing": dict(zip(("x", "y", "z"), place, strict=True)) | {"theta": theta},
+        "target": target.table,
+        "landing": dict(zip("xyz", target.plane.points(x, z), strict=True)) | {"theta": theta},
         "error": {"position": abs(dx), "angle": abs(dtheta)},
     }

@@ -80,7 +80,7 @@ class _Entrance:
         self.aside_limits = joint_limits(arm, (self.aside + 1).tolist())
         #: Last sample of the throw at which the pads are closed.
         self.opens = math.floor(one.throw.opening_time / TICK)
-        self._turned: dict[int, Transfer | None] = {}
+        self._turned: dict[int, Transfer] = {}
 
     def until_opening(self, found: Option) -> Samples:
         """A motion and what follows of the swing, as long as the pads are closed."""
@@ -148,7 +148,6 @@ class _Entrance:
             start, goal = _of(self.pick, self.aside), _of(state_at(self._throw, 0), self.aside)
             self._turned[turn] = _gentle_transfer(self.aside_limits, start, goal, turn)
         turned = self._turned[turn]
-        assert turned is not None
         rows = np.zeros((3, wait + len(swing.q), len(self.pick.q)))
         last = np.minimum(np.arange(rows.shape[1]), turned.ticks)
         rows[0, :wait] = self.pick.q
@@ -197,19 +196,17 @@ def _stretched(swing: Samples, speed: float, end: int) -> Samples | None:
     return Samples(*np.concatenate([found, swing.rows[:, end:]], axis=1))
 
 
-def _gentle_transfer(limits: Limits, start: State, goal: State, ticks: int) -> Transfer | None:
-    """The motion from rest to rest that takes a number of samples, with little acceleration.
-
-    None if they are too few.
-    """
-    low, high, best = math.log(LEAST_SHARE), 0.0, transfer(limits, start, goal)
-    if best is None or best.ticks > ticks:
-        return None
+def _gentle_transfer(limits: Limits, start: State, goal: State, ticks: int) -> Transfer:
+    """The motion from rest to rest that takes a number of samples, as many as the fastest one at
+    least, with little acceleration."""
+    low, high = math.log(LEAST_SHARE), 0.0
     for _ in range(SHARE_STEPS):
         middle = (low + high) / 2
         found = transfer(limits, start, goal, 1.0, math.exp(middle))
         low, high = (middle, high) if found is None or found.ticks > ticks else (low, middle)
-    return transfer(limits, start, goal, 1.0, math.exp(high), ticks)
+    gentle = transfer(limits, start, goal, 1.0, math.exp(high), ticks)
+    assert gentle is not None
+    return gentle
 
 
 def _of(state: State, joints: Indices) -> State:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,9 @@ def read_cycle(path: str | Path) -> Cycle:
         raise InputError(f"{path}: the cycle is not solved: it holds no motion")
     with complete(path, "is not a complete cycle file"):
         steps = tuple(_step(entry, found["arm"]) for entry in found["steps"])
-        numbers = float(found["with_stops"]), {k: float(v) for k, v in found["time"].items()}
+        # Null where some throw has no motion from rest to rest.
+        stops = math.inf if found["with_stops"] is None else float(found["with_stops"])
+        numbers = stops, {k: float(v) for k, v in found["time"].items()}
         name, order = str(found["jobs"]), str(found["order"])
     if not steps or order not in ORDERS or steps[0].scene.arm is None:
         raise InputError(f"{path}: is not a complete cycle file")
@@ -99,7 +102,7 @@ def read_cycle(path: str | Path) -> Cycle:
 def _step(entry: dict[str, Any], arm: dict[str, Any]) -> CycleStep:
     scene = scene_from_table({**entry["definition"], "arm": arm})
     moments = [int(k) for k in entry["samples"]]
-    if len(moments) != len(MOMENTS) or scene.robot is None or scene.target is None:
+    if len(moments) != len(MOMENTS) or scene.robot is None:
         raise ValueError("samples")
     times = dict(zip(MOMENTS, moments, strict=True)), float(entry["opening_time"])
     return CycleStep(

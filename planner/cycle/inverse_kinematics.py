@@ -43,19 +43,12 @@ class HandPose:
 
     place (3,) [m]: in the base frame. turn [rad]: of the hand about the vertical, from x to y; at 0
     the pads lie in the plane of a throw along x; None: any, for a hand that points down. angle
-    [rad]: of the hand in the plane so turned, as in a throw. InputError for wrong values.
+    [rad]: of the hand in the plane so turned, as in a throw.
     """
 
     place: Sequence[float]
     turn: float | None = None
     angle: float = DOWN
-
-    def __post_init__(self) -> None:
-        place = np.array(self.place, float)
-        if place.shape != (3,) or not np.isfinite(place).all():
-            raise InputError("hand pose: x, y, z must be 3 finite numbers, in m")
-        if self.turn is None and self.angle != DOWN:
-            raise InputError("turn: None only for a hand that points down")
 
     def __str__(self) -> str:
         x, y, z = np.round(self.place, 9) + 0.0
@@ -75,7 +68,7 @@ def inverse_kinematics(
     InputError if there are no such joints, saying whether the place is out of reach, or what is in
     the way.
     """
-    search = _PoseSearch.of(space, pose, seed, held=held)
+    search = _PoseSearch(space, pose, np.array(seed, float), held=held)
     found = list[Array]()
     for is_near, q in search.solutions():
         if is_near:
@@ -89,7 +82,7 @@ def inverse_kinematics(
 def hand_poses(space: SpatialScene, pose: HandPose, seed: Sequence[float]) -> list[Array]:
     """All joints that `inverse_kinematics` finds from its starts with an object in the hand, the
     nearest to the seed first."""
-    search, found = _PoseSearch.of(space, pose, seed, held=True), list[Array]()
+    search, found = _PoseSearch(space, pose, np.array(seed, float), held=True), list[Array]()
     for _, q in search.solutions():
         if all(np.abs(q - other).max() > ALIKE for other in found):
             found.append(q)
@@ -99,7 +92,7 @@ def hand_poses(space: SpatialScene, pose: HandPose, seed: Sequence[float]) -> li
 def throwing_pose(space: SpatialScene, pose: HandPose, seed: Sequence[float]) -> Array:
     """Joints as of `inverse_kinematics` with the object in the hand; of several the one whose
     joints that do not throw are next to the seed, from where throws start at once."""
-    search, found = _PoseSearch.of(space, pose, seed, held=True), list[Array]()
+    search, found = _PoseSearch(space, pose, np.array(seed, float), held=True), list[Array]()
     for is_near, q in search.solutions():
         if is_near:
             return q
@@ -119,16 +112,6 @@ class _PoseSearch:
     seed: Array
     held: bool
     trouble: str = ""
-
-    @classmethod
-    def of(
-        cls, space: SpatialScene, pose: HandPose, seed: Sequence[float], *, held: bool
-    ) -> _PoseSearch:
-        """InputError for a wrong seed."""
-        arm, start = space.kinematics.arm, np.array(seed, float)
-        if start.shape != (arm.joints,) or not np.isfinite(start).all():
-            raise InputError(f"seed: must be {arm.joints} finite numbers, the joints of {arm.name}")
-        return cls(space, pose, start, held)
 
     @property
     def arm(self) -> Arm:

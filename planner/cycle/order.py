@@ -34,9 +34,9 @@ class Times:
 
     first (P,): from the start of the cycle to holding a pick's object. enter (P, C): from there
     until the throw has left the hand. leave (C, P): from then to holding the next object; last
-    (C,): to the end of the cycle. passing: motions whose time depends on the objects that wait: by
-    pick (that is left, or comes next) the throw, and the time while a set of picks waits (1 << k
-    has pick k).
+    (C,): to the end of the cycle. passing_enter, passing_leave: motions whose time depends on the
+    objects that wait: by pick (that is left, or comes next) the throw, the time while a set of
+    picks waits (1 << k has pick k), and that of the grasp.
     """
 
     first: Array

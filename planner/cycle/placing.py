@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -24,7 +23,7 @@ from ...problems.files import plain
 from ...problems.job_files import Bin, Jobs, Pick
 from ..clearance import SpatialScene
 from ..throw import NO_SAMPLES, TICK, Samples, State, joint_limits, make_manipulator, transfer
-from .connections import Connection, CycleThrow, Option, at_rest, joined, still
+from .connections import Connection, CycleThrow, Option, at_rest, joined, option_along, still
 from .cycle import UnsolvedError
 from .inverse_kinematics import ALIKE, DOWN, HandPose, hand_poses, inverse_kinematics, joint_rates
 from .network import Network
@@ -155,8 +154,7 @@ def _places(jobs: Jobs, pick: Pick, one: Bin) -> list[_Place]:
     """Joints of objects like a pick's in a bin, near those of each pick, and others; InputError if
     there are none."""
     scene = jobs.scene_of(pick, one)
-    target = scene.target
-    assert target is not None
+    target = scene.aim
     if not target.at_rest:
         raise InputError("the bin moves")
     space = SpatialScene(scene, make_manipulator(scene))
@@ -254,10 +252,9 @@ class _Way(Connection):
             except UnsolvedError as error:
                 self.trouble = self.trouble or str(error)
                 continue
-            samples = joined(parts)
-            time = TICK * (len(samples.q) - 1)
-            if time < self.time():
-                self._best = Option(time, functools.partial(lambda known: known, samples))
+            found = option_along(parts)
+            if found.duration < self.time():
+                self._best = found
         return self.time() == before
 
 

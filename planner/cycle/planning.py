@@ -155,8 +155,7 @@ class _Throws:
 
     def _first(self, scene: Scene, start: State) -> Plan:
         """The throw to a bin; to one that moves, for where it is in the middle of the cycle."""
-        assert scene.target is not None
-        return self._planned(scene, scene.target.at(CYCLE_TIME / 2 * len(self.jobs.picks)), start)
+        return self._planned(scene, scene.aim.at(CYCLE_TIME / 2 * len(self.jobs.picks)), start)
 
     def _planned(self, scene: Scene, target: Pose, start: State, warm: Plan | None = None) -> Plan:
         """The throw to a target, as if that were at rest.
@@ -179,8 +178,7 @@ class _Throws:
         """The planner of a scene; one for all that differ in the target only."""
         for planner in self._planners:
             own = planner.scene
-            assert scene.target is not None
-            if own.fits(scene) and own.aimed_at(scene.target).cup == scene.cup:
+            if own.fits(scene) and own.aimed_at(scene.aim).cup == scene.cup:
                 return planner
         self._planners.append(Planner(scene, library=False))
         return self._planners[-1]
@@ -202,9 +200,8 @@ class _Throws:
         """A throw into a moving bin, for where it is `seconds` after the start of the cycle."""
         pick = self.jobs.picks[one.pick]
         scene = self.jobs.scene_of(pick, self.jobs.bin(one.bin))
-        assert scene.target is not None
         start = at_rest(one.throw.samples.q[0])
-        plan = self._planned(scene, scene.target.at(seconds), start, one.plan)
+        plan = self._planned(scene, scene.aim.at(seconds), start, one.plan)
         return CycleThrow(plan, one.pick, one.bin) if plan.solved else None
 
 
@@ -218,9 +215,9 @@ def _nearest(pick: Pick, scenes: Mapping[str, Scene]) -> list[str]:
     """Names of bins, those first whose throws' planes are nearest to the pick's."""
 
     def turn(name: str) -> float:
-        arm, target = scenes[name].arm, scenes[name].target
-        assert arm is not None and target is not None and pick.joints is not None
-        angle = arm.azimuth_angle(target.plane.azimuth)
+        arm = scenes[name].arm
+        assert arm is not None and pick.joints is not None
+        angle = arm.azimuth_angle(scenes[name].aim.plane.azimuth)
         return abs(angle - pick.joints[arm.azimuth_joint - 1])
 
     return sorted(scenes, key=turn)

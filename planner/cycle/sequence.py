@@ -41,8 +41,7 @@ def sequence(
         pick, one, state = jobs.picks[number], network.throws[chosen[n]], network.picks[number]
         held = tick + math.ceil(pick.grasp_time / TICK - 1e-9)
         enter, leave, wait = connections[2 * n], connections[2 * n + 1], 0
-        target = jobs.scene_of(pick, jobs.bin(one.bin)).target
-        assert target is not None
+        target = jobs.scene_of(pick, jobs.bin(one.bin)).aim
         if not target.at_rest:
             one, enter, wait = _meet(network, one, enter[1], held, again)
             leave = network.leaving(one, end), leave[1]

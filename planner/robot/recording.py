@@ -207,6 +207,9 @@ def read_recording(path: str | Path, motion: JointMotion) -> Recording:
         raise InputError(f"{path}: t rises by {step:.3g} s a row, must rise by {TICK:g} s mostly")
     q, dq, sent = np.split(rows[:, 1:-2], 3, axis=1)
     command = float(rows[0, 0] - rows[0, -1])
+    if command < rows[0, 0] - TICK:
+        words = "must be at most 0 in the first row: the command comes after it"
+        raise InputError(f"{path}: since_command = {rows[0, -1]:g}: {words}")
     recording = Recording(rows[:, 0], q, dq, sent, rows[:, -2], (command,))
     try:
         recording.throw(motion.throw)

@@ -242,6 +242,8 @@ class Painter:
             normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
             toward = self.initial_camera.position - corners.mean(axis=1)
             facing = (toward * normals).sum(axis=1) > 0
+            if not facing.any():  # The body of a hand without one.
+                continue
             corners, normals = corners[facing], normals[facing]
             places, depths = self._project(corners)
             shade = LOOK.ambient + (1 - LOOK.ambient) * np.maximum(normals @ light, 0.0)
@@ -276,8 +278,8 @@ def save_in_space(shown: SpaceThrow | SpaceCycle, kind: str, path: Path) -> None
     """A 3-D picture ("png") just before detach, with poses of the bar; or a film ("mp4") at a fifth
     of the throw's speed, a cycle's at its own, whose last frame stays half a second.
 
-    Leaves no partial file; InputError if the file cannot be written, and for a film without ffmpeg
-    or trimesh.
+    Leaves no partial file; InputError if the file cannot be written, without trimesh, and for a
+    film without ffmpeg.
     """
     (_save_picture if kind == "png" else _save_film)(shown, path)
 

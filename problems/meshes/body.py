@@ -12,7 +12,7 @@ import numpy as np
 
 from ...models import Array
 from ..checks import InputError
-from ..grip import Grasp, OutlinePart, ThrownObject
+from ..grip import Grasp, ThrownObject, held_object
 from .capsules import Capsule, parts_of
 
 #: Largest and smallest size [m] of an object that is thrown.
@@ -126,18 +126,18 @@ def object_from(mesh: Any, choices: MeshChoices) -> MeshObject:
     corners = (np.asarray(mesh.triangles) - grasp) @ axes.T
     capsules, beyond = parts_of(corners, choices.parts)
     first, last, outline = _outline(capsules)
-    thrown = ThrownObject(
-        mass=_short(mass),
-        length=round(last - first, PLACES),
-        com=round(float(np.linalg.norm(com - grasp)) - first, PLACES),
-        inertia=_short(moments[1, 1]),
-        outline=outline,
-    )
+    table = {
+        "mass": _short(mass),
+        "length": round(last - first, PLACES),
+        "com": round(float(np.linalg.norm(com - grasp)) - first, PLACES),
+        "inertia": _short(moments[1, 1]),
+        "outline": outline,
+    }
     # Rotation about the principal axis of neither the least nor the largest moment is unstable.
     others = np.linalg.eigvalsh(moments[::2, ::2])
     middle = bool(1.02 * others[0] < moments[1, 1] < 0.98 * others[1])
     grip = Grasp(offset=round(-first, PLACES), angle=angle)
-    return MeshObject(thrown, grip, corners - [first, 0.0, 0.0], beyond, middle)
+    return MeshObject(held_object(table), grip, corners - [first, 0.0, 0.0], beyond, middle)
 
 
 def _short(value: float) -> float:
@@ -160,8 +160,9 @@ def _check_moments(moments: Array) -> None:
         )
 
 
-def _outline(capsules: list[Capsule]) -> tuple[float, float, tuple[OutlinePart, ...]]:
-    """Where capsules begin and end along the axis [m], and the outline, from where they begin."""
+def _outline(capsules: list[Capsule]) -> tuple[float, float, list[dict[str, Any]]]:
+    """Where capsules begin and end along the axis [m], and the outline's tables, from where they
+    begin."""
     first = min(float(min(b[0], e[0]) - r) for b, e, r in capsules)
     last = max(float(max(b[0], e[0]) + r) for b, e, r in capsules)
     # Rounded down: points with rounded lengths stay so.
@@ -169,8 +170,8 @@ def _outline(capsules: list[Capsule]) -> tuple[float, float, tuple[OutlinePart, 
     parts = []
     for *ends, radius in capsules:
         begin, end = ([round(p[0] - first, PLACES), round(p[1], PLACES) + 0.0] for p in ends)
-        parts.append(OutlinePart(tuple(begin), tuple(end), round(radius, PLACES)))
-    return first, last, tuple(parts)
+        parts.append({"begin": begin, "end": end, "radius": round(radius, PLACES)})
+    return first, last, parts
 
 
 def _axes(mesh: Any, towards: Array, choices: MeshChoices) -> tuple[Array, float]:

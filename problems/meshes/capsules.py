@@ -22,9 +22,8 @@ class CapsuleFitSettings:
     """angles: directions of an axis that are tried. wider: radii, over the
     least one, that are. ways: directions in which points are outermost,
     to which a capsule is fitted. cuts: places of a split along each of two
-    axes. edge: of the small triangles, over the mesh's size. most: number of capsules. gain: an
-    added capsule must lessen the mean excess by this share. rounds: of regrouping. digits: of the
-    lengths [m] in files.
+    axes. edge: of the small triangles, over the mesh's size. gain: an added capsule must lessen the
+    mean excess by this share. rounds: of regrouping. digits: of the lengths [m] in files.
     """
 
     angles: int = 24
@@ -32,7 +31,6 @@ class CapsuleFitSettings:
     ways: int = 80
     cuts: int = 9
     edge: float = 0.04
-    most: int = 6
     gain: float = 0.15
     rounds: int = 5
     digits: int = 5
@@ -190,7 +188,7 @@ class SmallTriangles:
         return most, float(np.concatenate(found).mean())
 
 
-def parts_of(corners: Array, most: int = SETTINGS.most) -> tuple[list[Capsule], float]:
+def parts_of(corners: Array, most: int) -> tuple[list[Capsule], float]:
     """Capsules that cover a mesh of triangles (F, 3, 3) [m] in the object's frame, and how far [m]
     they reach beyond it at most.
 

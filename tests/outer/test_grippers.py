@@ -129,6 +129,8 @@ def test_measuring_needs_a_robot_a_new_file_and_somebody_to_ask(tmp_path, refuse
     (tmp_path / "hand.toml").write_text("mine")
     words = ("--out", tmp_path / "hand.toml")
     assert "not overwritten" in refused("measure-gripper --yes --robot", HOST, *words)
+    words = ("--out", tmp_path / "none" / "hand.toml")
+    assert "none" in refused("measure-gripper --yes --robot", HOST, *words)
 
 
 # Watched.

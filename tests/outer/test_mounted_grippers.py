@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import varied
+from throwplan.problems import arms
 from throwplan.problems.arms import load_arm, load_gripper
 
 OPTIONS = ["--acceleration", "10", "--jerk", "1000"]
@@ -52,6 +55,28 @@ def scene_with(folder: Path) -> Path:
     text = re.sub(r"start_deg = .*", "", text)
     (folder / "scene.toml").write_text(text)
     return folder / "scene.toml"
+
+
+def test_a_hand_without_a_body_is_replayed_and_drawn(tmp_path, run) -> None:
+    """As `import-robot` writes it without --palm."""
+    scene = tp.load_scene("pose")
+    tool = dataclasses.replace(scene.arm.tool, palm_half_width=0.0)
+    plan = tp.plan(varied(scene, arm={"tool": tool}))
+    assert plan.solved and scene.workspace.palm_clearance is not None
+    plan.save(tmp_path / "out")
+    assert run("replay", tmp_path / "out", "--json").json["landing"]
+    assert run("view", tmp_path / "out", "--png", tmp_path / "throw.png").status == 0
+
+
+def test_a_palm_from_back_to_front_is_refused(tmp_path, refused) -> None:
+    text = tp.scene_text("pose").replace("[gripper]", '[gripper]\nfile = "hand.toml"')
+    (tmp_path / "scene.toml").write_text(text)
+    hand = (Path(arms.__file__).parent / "grippers" / "robotiq-2f-85.toml").read_text("utf-8")
+    for end, value in (("back", "0.05"), ("front", "0.145")):
+        hand = re.sub(rf"^palm_{end} = \S+", f"palm_{end} = {value}", hand, flags=re.M)
+    (tmp_path / "hand.toml").write_text(hand, encoding="utf-8")
+    said = refused("plan", tmp_path / "scene.toml")
+    assert "palm_front = 0.145: must be below 0.05" in said
 
 
 @pytest.mark.slow

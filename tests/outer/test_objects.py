@@ -63,6 +63,7 @@ Y = ("--across", "0", "1", "0")
         (("--mass", "1", "--grasp", "20", "0", "0"), "choose --unit"),
         (("--mass", "1", "--unit", "mm", "--grasp", "100", "0", "0"), "--axis: needed"),
         (("--mass", "1", "--unit", "mm", "--grasp", "900", "0", "0"), "from the object's CoM"),
+        (("--mass", "400", "--unit", "mm", "--grasp", "20", "0", "0"), "kg, at most 50"),
     ],
 )
 def test_what_no_throw_can_have_is_refused(refused, bar_mesh, words, said) -> None:

@@ -24,6 +24,7 @@ from throwplan.planner.robot import (
     approach,
     corrected,
     joint_motion,
+    read_recording,
 )
 from throwplan.planner.verdict import verdict
 from throwplan.problems import InputError, Obstacle
@@ -162,6 +163,18 @@ def test_correct_writes_what_to_send_next(plan, tmp_path, run, table) -> None:
     assert sent["q2"][0] == pytest.approx(said["motion"]["start"][1], abs=1e-9)
     shown = run("run --dry --json", plan, "--after", tmp_path / "run.csv").json
     assert {key: shown[key] for key in said["motion"]} == said["motion"]
+
+
+def test_a_recording_that_begins_after_the_command_is_refused(plan, tmp_path) -> None:
+    motion = joint_motion(plan)
+    recording = lagging(motion)
+    recording.save(tmp_path / "run.csv")
+    header, *rows = (tmp_path / "run.csv").read_text().splitlines()
+    assert header.endswith(",since_command")
+    late = [",".join([*(cells := row.split(","))[:-1], str(float(cells[-1]) + 50)]) for row in rows]
+    (tmp_path / "run.csv").write_text("\n".join([header, *late]))
+    with pytest.raises(InputError, match=r"run\.csv: since_command = .*at most 0 in the first row"):
+        read_recording(tmp_path / "run.csv", motion)
 
 
 def test_the_way_to_the_start_pose_keeps_the_limits(plan) -> None:

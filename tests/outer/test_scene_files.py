@@ -184,6 +184,9 @@ def test_a_scene_is_drawn_before_any_plan(run, tmp_path, monkeypatch) -> None:
         said = run(words)
         assert said.status == 2 and said.err.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["near-cup.png"]
+    text = 'name = "a/near-cup"\n' + tp.scene_text("near-cup")
+    (tmp_path / "other.toml").write_text(text, encoding="utf-8")
+    assert "exists already" in run("scenes --draw other.toml").err
 
 
 def test_another_arm_or_gripper_is_loaded() -> None:
@@ -215,6 +218,8 @@ def test_a_cup_without_x_stands_at_the_target() -> None:
 def test_a_grippers_file_gives_its_grip() -> None:
     gripper = tp.Gripper(file="robotiq-2f-85")
     assert gripper.profile() == tp.load_scene("iiwa14").gripper.profile()
+    own = tp.Gripper(file="robotiq-2f-85", dwell=0.1, force=50.0)
+    assert (own.dwell, own.force, own.opening) == (0.1, 50.0, gripper.opening)
     with pytest.raises(tp.InputError, match=r"file = 'robotiq': unknown gripper"):
         tp.Gripper(file="robotiq")
 
