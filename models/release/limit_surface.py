@@ -213,7 +213,7 @@ class SteppedRelease:
         return replace(release, pivot=pivot, slide=slide, wrench=step_wrenches(case, release))
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
-        """N releases on the contact's own ellipsoid.
+        """N releases on the contact's own limit surface.
 
         `steps` and twice as many steps, extrapolated: the stepping is first order, so this
         takes away the leading error at three times the cost of the shorter run.

@@ -238,8 +238,7 @@ class PatchThrows:
         times = shares[:, None] * batch.opening
         samples = [np.array(part) for part in zip(*map(batch.hands.at, times), strict=True)]
         hand = HandSamples(times, *(part.transpose(1, 0, 2) for part in samples))
-        shape = batch.grip.force((shares[1:] + shares[:-1]) / 2 * batch.grip.opening)
-        forces = (shape / batch.grip.full)[:, None] * batch.force
+        forces = np.array(batch.forces((shares[1:] + shares[:-1]) / 2))
         pose, twist, offset = hand.pose[:, 0], hand.twist[:, 0], batch.body.com_offset
         start = np.array(sticking_state(pose, twist, batch.grasp_angle, offset))
         return cls(batch.body, batch.contact, start, hand, forces, batch.gravity)

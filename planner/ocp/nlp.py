@@ -205,13 +205,10 @@ def _common_values(request: Request) -> dict[str, Any]:
     assert target is not None
     profile = scene.gripper.profile()
     nodes = opening_nodes(scene.mesh, profile.opening)
-    bias = (
-        {}
-        if scene.calibration is None
-        else dict(zip(("bias_x", "bias_theta"), scene.calibration.bias, strict=True))
-    )
+    bias_x, bias_theta = scene.flight.bias or (0.0, 0.0)
     return {
-        **bias,
+        "bias_x": bias_x,
+        "bias_theta": bias_theta,
         **vars(scene.body),
         **scene.patch.numbers,
         "gravity": scene.gravity,

@@ -131,7 +131,7 @@ class Margins:
 class Refinement:
     """Lazy constraints and margins of an NLP.
 
-    bodies: links, "held bar" and "flying bar" that keep clear of obstacles and of the arm's links.
+    bodies: links, "bar" and "flying bar" that keep clear of obstacles and of the arm's links.
     soft: price of the landing's speed, for a scene with [rest].
     """
 
@@ -299,13 +299,13 @@ def peak_load(throw: Throw) -> float:
 
 @dataclass(frozen=True)
 class Request:
-    """A throw of a scene to a target, for an NLP (target None: unknown, for a verdict).
+    """A throw of a scene to a target, for an NLP (target None: for its window and nodes alone).
 
     robust: the method of a robust plan, empty for none. elastic: price [1/m] of the pose error with
     which the landing may miss the target; 0: it may not. turning: what the angle's share costs more
-    than that. start_angle [rad]: of the landing at the start of a solve, where the target leaves it
-    open which end of the bar enters a cup. reference: the throw at the start of a
-    solve; obstacles are linearised about it.
+    than that. start_angle [rad]: of the landing at the start of an elastic solve, which tells the
+    end of the bar that enters a cup. reference: the throw at the start of a solve; obstacles are
+    linearised about it.
     """
 
     scene: Scene

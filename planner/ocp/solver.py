@@ -281,13 +281,10 @@ class Solver:
         return np.array(starts), np.array(rows)
 
     def hessian(self, x: Array, parameters: Array, multipliers: Array) -> Array:
-        """The Lagrangian's Hessian (n, n) at a point; multipliers (m,): of g."""
-        outputs = self._functions["nlp_hess_l"](x, parameters, 1.0, multipliers)
-        sparse = outputs[-1] if isinstance(outputs, tuple) else outputs
-        # Equal to `sparse.full()`, ten times faster.
-        hessian = np.asarray(sparse.sparse().toarray())
-        # IPOPT has the upper triangle.
-        return hessian + np.triu(hessian, 1).T if self.name == "ipopt" else hessian
+        """The Lagrangian's Hessian (n, n) at a point, for FATROP; multipliers (m,): of g."""
+        _, hessian = self._functions["nlp_hess_l"](x, parameters, 1.0, multipliers)
+        # Equal to `hessian.full()`, ten times faster.
+        return np.asarray(hessian.sparse().toarray())
 
     def compile(self) -> None:
         """Compiles the functions, in some seconds; nothing without a compiler, or if compiled."""

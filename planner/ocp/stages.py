@@ -10,9 +10,9 @@ The decision vector, stage by stage (n coordinates; C carry intervals, O opening
     k = C + O      like k = C, rel                             t_f, those of scene constraints
 
 A robust plan has intervals of fixed length before the opening (stages like k = C) and after detach
-(without rel); its stage of detach has c too. With several openings (`terms.robust.Scenarios`) rel,
-acc and t_f have indices: 0 is the planned opening. Known values are no variables: rest, a given
-start pose, the object under full grip.
+(without rel); its stage of detach has c too, and of method `stationary` all after k = C have ddq.
+With several openings (`terms.robust.Scenarios`) rel, acc and t_f have indices: 0 is the planned
+opening. Known values are no variables: rest, a given start pose, the object under full grip.
 """
 
 from __future__ import annotations
@@ -88,7 +88,6 @@ class Block:
     """
 
     name: str
-    unit: str
     limit: str = ""
     each: bool = False
     index: int = 0
@@ -98,25 +97,25 @@ class Block:
         return replace(self, index=index)
 
 
-#: Coordinates, their rates and accelerations.
-Q = Block("q", "rad; m", "position", each=True)
-DQ = Block("dq", "rad/s; m/s", "velocity", each=True)
-DDQ = Block("ddq", "rad/s^2", "acceleration", each=True)
-#: Controls, constant in an interval: the jerk of the coordinates, or their acceleration.
-JERK = Block("c", "1000 rad/s^3", "jerk", each=True)
-ACCELERATION = Block("c", "rad/s^2; m/s^2", "acceleration", each=True)
-#: Duration of the carry: the release timing.
-T = Block("T", "s", "carry time")
-#: State of the object in the pads: slip, angle, and their rates.
-REL = Block("rel", "m, rad, m/s, rad/s")
-#: Accelerations of slip and angle at the collocation points.
-ACC = Block("acc", "10 m/s^2, 100 rad/s^2")
-#: Duration of the flight.
-T_F = Block("t_f", "s", "flight time")
+#: Coordinates [rad; m], their rates and accelerations.
+Q = Block("q", "position", each=True)
+DQ = Block("dq", "velocity", each=True)
+DDQ = Block("ddq", "acceleration", each=True)
+#: Controls, constant in an interval: jerk of the coordinates [`JERK_UNIT`], or acceleration.
+JERK = Block("c", "jerk", each=True)
+ACCELERATION = Block("c", "acceleration", each=True)
+#: Duration [s] of the carry: the release timing.
+T = Block("T", "carry time")
+#: State of the object in the pads: slip [m], angle [rad], and their rates.
+REL = Block("rel")
+#: Accelerations of slip and angle at the collocation points, in `transcription.UNITS`.
+ACC = Block("acc")
+#: Duration [s] of the flight.
+T_F = Block("t_f", "flight time")
 #: The landing in a region: from -1 at the lowest to 1 at the highest x (index 0), theta (1).
-PLACE = Block("place", "half the width")
-#: Slacks of an elastic landing below and above its target, of x (index 0) and theta (1).
-SLACKS = (Block("undershoot", "m; rad"), Block("overshoot", "m; rad"))
+PLACE = Block("place")
+#: Slacks of an elastic landing below and above its target, of x [m] (index 0) and theta [rad] (1).
+SLACKS = (Block("undershoot"), Block("overshoot"))
 
 
 @dataclass(frozen=True)

@@ -297,12 +297,12 @@ class Interval(Node):
             order = [b for b in self.following.states if b in self.stage.following]
             self.stage.following = {b: self.stage.following[b] for b in order}
 
-    def set_sliding_pivot(self, opening: int = 0, *, window: bool = False) -> None:
-        """The object in the pads follows the sliding pivot of an opening (0: planned), in the
-        opening; with `window` in the whole window of a robust plan."""
+    def set_sliding_pivot(self, opening: int = 0) -> None:
+        """The object in the pads follows the sliding pivot of an opening: of the planned one (0) in
+        the opening, of others in the whole window of a robust plan."""
         s, dt = self.ocp.structure, self.dt
-        first, end = (s.carry, s.last) if window else (s.opens, s.detach)
-        gauss = s.integrator == "gauss" or window
+        first, end = (s.carry, s.last) if opening else (s.opens, s.detach)
+        gauss = s.integrator == "gauss" or opening > 0
         points = 2 if gauss else 2 * s.substeps + 1
         forces = self.stage_parameter(f"grip_force {opening}", points, first, end - first)
         grips, state = ca.vertsplit(forces), self.relative_state(opening)

@@ -209,7 +209,7 @@ def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
     )
     with task.clock("guess"):
         guess = start.guess(program.nlp)
-    is_open = task.scene.cup is not None and (start.elastic or start.goal.theta is None)
+    is_open = task.scene.cup is not None and start.elastic
     if program.nlp.linearised or is_open:
         near = Throw(task.scene, manipulator, *program.nlp.motion(request, guess))
         request = replace(request, reference=near)

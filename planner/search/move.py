@@ -183,8 +183,7 @@ def optimum_of(
         # In a region the landing is chosen by the optimum.
         return throw.optimum
     aim = throw.deciding.target.shifted(*throw.aim)
-    angle = throw.planned_landing[2] if aim.theta is None else None
-    request = Request(throw.scene, throw.manipulator, aim, throw.refinement, start_angle=angle)
+    request = Request(throw.scene, throw.manipulator, aim, throw.refinement)
     try:
         slope = condensed_at(controls, program, request, solution).slope
     except np.linalg.LinAlgError:

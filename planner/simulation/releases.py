@@ -372,6 +372,6 @@ def _array(name: str, value: Any) -> Array:
         array = np.asarray(value, float)
     except (TypeError, ValueError):
         raise InputError(f"{name}: must be numbers") from None
-    if not np.isfinite(array).all():
+    if not array.size or not np.isfinite(array).all():
         raise InputError(f"{name}: must be finite numbers")
     return array

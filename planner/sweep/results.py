@@ -140,7 +140,7 @@ class Sweep(ReadOnly):
 
     @check_arguments
     def save(self, folder: str | Path) -> None:
-        """Write sweep.json, sweep.csv and three pictures; InputError if that cannot be done."""
+        """Write sweep.json, sweep.csv and pictures; InputError if that cannot be done."""
         with filling(Path(folder), SWEEP_FILES) as scratch:
             draw_landings(self, scratch / "landings.png")
             draw_delay(self, scratch / "delay.png")
@@ -321,7 +321,7 @@ def _delay_limits(sweep: Sweep) -> tuple[float, float]:
     if "delay" not in sweep.sampler.names:
         return -0.01, 0.01
     low, high = sweep.sampler.quantiles("delay", np.array([0.001, 0.999]))
-    mean = sweep.batch.mean_delay
+    mean = sweep.batch.scene.mean_delay
     return min(float(low) - mean, -1e-3), max(float(high) - mean, 1e-3)
 
 

@@ -97,19 +97,14 @@ class ThrowBatch:
         """The throw's scene."""
         return self.throw.scene
 
-    @property
-    def mean_delay(self) -> float:
-        """Time [s] by which the opening command is sent early."""
-        return self.scene.mean_delay
-
     def nominal(self, count: int = 1) -> Array:
         """Values (count, P) that the throw was planned with."""
-        values = self.scene.values | {"delay": self.mean_delay}
+        values = self.scene.values | {"delay": self.scene.mean_delay}
         return np.tile([values[name] for name in self.names], (count, 1))
 
     def columns(self, values: Array) -> dict[str, Array]:
         """All parameters (N,) by name: those given, and the scene's own."""
-        known = self.scene.values | {"delay": self.mean_delay}
+        known = self.scene.values | {"delay": self.scene.mean_delay}
         columns = {name: np.full(len(values), value) for name, value in known.items()}
         return columns | dict(zip(self.names, values.T, strict=True))
 
@@ -129,7 +124,7 @@ class ThrowBatch:
 
     def _flights(self, columns: dict[str, Array], release: BatchRelease) -> BatchFlights:
         """The flights after releases by hands without error, to which the errors are added."""
-        late, opening = columns["delay"] - self.mean_delay, columns["opening"]
+        late, opening = columns["delay"] - self.scene.mean_delay, columns["opening"]
         com = columns["com_offset"] + self.scene.grasp.offset
         com_offset = com - columns["grasp_offset"]
         error = np.column_stack([columns[name] for name in HAND])
@@ -154,7 +149,7 @@ class ThrowBatch:
         """The releases of throws with these parameters."""
         scene, friction = self.scene, columns["friction"]
         profile = scene.gripper.profile()
-        hands = self.hands.shifted(columns["delay"] - self.mean_delay)
+        hands = self.hands.shifted(columns["delay"] - self.scene.mean_delay)
         if "hand_omega" in self.names:
             still = np.zeros(len(friction))
             hands = replace(hands, drift=np.array([still, still, columns["hand_omega"]]))
@@ -191,7 +186,7 @@ class ThrowBatch:
             grasp=scene.grasp.changed(offset=value["grasp_offset"], angle=value["grasp_angle"]),
             gripper=grip.stretched(value["opening"]),
         )
-        late = value["delay"] - self.mean_delay
+        late = value["delay"] - self.scene.mean_delay
         error = HandError(*(value[name] for name in HAND))
         opened = self.throw.opening_time + late
         found = replace(self.throw, scene=made, opening_time=opened, error=error)

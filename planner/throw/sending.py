@@ -126,11 +126,6 @@ class Excess(NamedTuple):
     limit: float
     time: float
 
-    @property
-    def name(self) -> str:
-        """Name of the limit."""
-        return f"{self.joint} {self.kind}"
-
 
 #: Limited quantities; the second velocity is for limits that depend on the position.
 KINDS = ("position", "velocity", "acceleration", "velocity", "jerk")

@@ -62,7 +62,7 @@ def _succeeds(judge: Judge, delays: Array) -> Flags:
 
 def with_delays(batch: ThrowBatch, delays: Array, values: Array) -> tuple[ThrowBatch, Array]:
     """A batch and values (K, P) with these delays (K,) [s] beyond the mean."""
-    late = batch.mean_delay + delays
+    late = batch.scene.mean_delay + delays
     if "delay" not in batch.names:
         names = (*batch.names, "delay")
         return replace(batch, names=names), np.column_stack([values, late])

@@ -130,23 +130,19 @@ def _grip_between(motion: _SpatialMotion, samples: Samples) -> Iterator[Finding]
 
 
 def _low(motion: _SpatialMotion) -> Iterator[Finding]:
-    workspace = motion.space.scene.workspace
-    if motion.held and workspace is not None and workspace.floor is not None:
-        lowest = motion.space.lowest_of_bar(motion.pads)
-        for finding in _worst(Code.FLOOR, motion.times, NEAR - lowest, -workspace.floor, BAR):
-            yield Finding(
-                Code.FLOOR, NEAR - finding.value, workspace.floor, finding.time, finding.body
-            )
+    floor = motion.space.scene.bounds.floor
+    if motion.held and floor is not None:
+        heights = motion.space.lowest_of_bar(motion.pads)
+        if floor - heights.min() > NEAR:
+            when = float(motion.times[heights.argmin()])
+            yield Finding(Code.FLOOR, float(heights.min()), floor, when, BAR)
 
 
 def _column(motion: _SpatialMotion) -> Iterator[Finding]:
-    workspace = motion.space.scene.workspace
-    if not motion.held or workspace is None or workspace.column_radius is None:
+    bounds = motion.space.scene.bounds
+    if not motion.held or bounds.column_radius is None or bounds.column_height is None:
         return
-    assert workspace.column_height is not None
-    room = motion.space.column_distance(
-        motion.pads, workspace.column_radius, workspace.column_height
-    )
+    room = motion.space.column_distance(motion.pads, bounds.column_radius, bounds.column_height)
     if room.min() < -NEAR:
         yield Finding(Code.COLUMN, float(room.min()), 0.0, float(motion.times[room.argmin()]), BAR)
 

@@ -105,7 +105,7 @@ def test_what_is_beyond_a_limit_is_the_worst_of_samples_and_differences(seed: in
     middle = (limits.q_min + limits.q_max) / 2
     walk = [np.cumsum(rng.normal(0, s, (60, manipulator.size)), axis=0) for s in (2e-3, 0.2, 0.5)]
     samples = Samples(middle + walk[0], *walk[1:])
-    found = {excess.name: excess for excess in excesses(manipulator, samples)}
+    found = {(one.joint, one.kind): one for one in excesses(manipulator, samples)}
     both = [np.vstack([v, np.diff(w, axis=0) / TICK]) for v, w in zip(walk[1:], walk, strict=False)]
     beyond = {
         "velocity": np.abs(both[0]).max(axis=0) - limits.dq,
@@ -115,7 +115,7 @@ def test_what_is_beyond_a_limit_is_the_worst_of_samples_and_differences(seed: in
     for kind, values in beyond.items():
         for joint, value in zip(manipulator.joints, values, strict=True):
             if value > 0.0:
-                excess = found[f"{joint} {kind}"]
+                excess = found[joint, kind]
                 assert abs(excess.value) - abs(excess.limit) == pytest.approx(value, rel=1e-9)
                 assert 0.0 <= excess.time <= 59 * TICK
     assert found

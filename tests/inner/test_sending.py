@@ -137,7 +137,7 @@ def test_gaps_that_a_solver_leaves_change_nothing(size: float, cup_plan: tp.Plan
 
 
 def names(samples: Samples) -> list[str]:
-    return [found.name for found in excesses(panda(), samples)]
+    return [f"{found.joint} {found.kind}" for found in excesses(panda(), samples)]
 
 
 def test_broken_limits_are_named() -> None:

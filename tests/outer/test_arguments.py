@@ -159,6 +159,7 @@ MISTAKES: list[tuple[Call, str]] = [
     (lambda pl, p: tp.reach_map("pose", samples=2.5), "samples = 2.5: must be a whole"),
     (lambda pl, p: tp.simulate_batch(pl.scene, hand=[0.0] * 3), "hand = .*: must be a t"),
     (lambda pl, p: tp.simulate_batch(pl.scene, steps=0), "steps = 0: must be a whole"),
+    (lambda pl, p: tp.simulate_batch(pl.scene, object={"mass": []}), "object.mass: must be fin"),
     (lambda pl, p: p.throw.deciding.delayed("10 ms"), "delay = '10 ms': must be a number"),
     (lambda pl, p: p.throw.deciding.hand("now"), "times = 'now': must be numbers"),
     (lambda pl, p: tp.throw_data([p], [(math.nan, 0.0)]), "landing 1 = nan: must be a"),

@@ -91,7 +91,7 @@ class LatestArrival(SceneConstraint):
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For a target with an arrival."""
-        target = request.target or request.scene.target
+        target = request.target
         if target is None or not math.isfinite(target.window[1]):
             return None
         opening = request.scene.gripper.profile().opening
@@ -115,19 +115,18 @@ class CupClearance(SceneConstraint):
     One unknown time is that of the lowest corner at the rim's height: the corner is clear of the
     wall. Each depth adds an unknown time, at which the middle of the lower end is at that depth:
     the corners of the end are clear of the wall, the long edges clear of the rim. The cup moves
-    with the target, and in an elastic problem with the landing. There, and where theta is open, the
-    end that enters is that of the throw at the start of the solve. Of an outline, the lower end is
-    the lowest end of its capsules at that angle, and points of all are clear of wall and rim.
+    with the target, and in an elastic problem with the landing; there the end that enters is that
+    of the throw at the start of the solve. Of an outline, the lower end is the lowest end of its
+    capsules at that angle, and points of all are clear of wall and rim.
     """
 
-    turns: ClassVar[bool] = True
     depths: int
     elastic: bool
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For a scene with a cup; the end of the bar that enters depends on the target."""
-        cup, target = request.scene.cup, request.target or request.scene.target
+        cup, target = request.scene.cup, request.target
         if cup is None or target is None:
             return None
         theta = target.theta if request.start_angle is None else request.start_angle
@@ -138,10 +137,8 @@ class CupClearance(SceneConstraint):
             "cup_insertion": cup.insertion,
             "cup_radius": cup.radius_for(request.scene.object),
             "cup_clearance": cup.clearance + CUP_MARGIN + request.refinement.margins["cup"],
-            "lower_end": lower[0],
+            "lower_end": lower if request.scene.object.outline else lower[0],
         }
-        if request.scene.object.outline:
-            values["lower_end"] = lower
         if target.velocity is not None:
             values["cup_speed"] = target.speed
         return cls(values, DEPTHS["flight" in request.refinement.lazy], request.elastic > 0.0)
@@ -160,7 +157,7 @@ class CupClearance(SceneConstraint):
             self._outline_in(flight, cup_at)
             return
         lower = p("lower_end")
-        time = flight.stage.control(Block("t_rim", "s"))
+        time = flight.stage.control(Block("t_rim"))
         at, cup_x = flight.after(time), cup_at(time)
         cos, sin = ca.cos(at.theta), ca.sin(at.theta)
         across = half_width * cos / ca.sqrt(cos**2 + 1e-6)
@@ -168,7 +165,7 @@ class CupClearance(SceneConstraint):
         corner = at.x + lower * cos + across * sin - cup_x
         flight.subject_to("cup clearance", corner / (radius - clearance), -1.0, 1.0)
         for i in range(self.depths):
-            time = flight.stage.control(Block("t_cup", "s").number(i))
+            time = flight.stage.control(Block("t_cup").number(i))
             at, cup_x = flight.after(time), cup_at(time)
             cos, sin = ca.cos(at.theta), ca.sin(at.theta)
             depth = p("cup_insertion") * i / max(self.depths - 1, 1)
@@ -193,7 +190,7 @@ class CupClearance(SceneConstraint):
         radius, clearance = p("cup_radius"), p("cup_clearance")
         row = p("lower_end", 3)
         lower = OutlinePoint(row[0], row[1], row[2])
-        times = [Block("t_rim", "s"), *(Block("t_cup", "s").number(i) for i in range(self.depths))]
+        times = [Block("t_rim"), *(Block("t_cup").number(i) for i in range(self.depths))]
         for i, block in enumerate(times):
             time = flight.stage.control(block)
             at, cup_x = flight.after(time), cup_at(time)

@@ -186,7 +186,6 @@ class LandingVariance(SceneConstraint):
             "deviations": [deviations[name] for name in names],
             "drift_time": request.scene.gripper.profile().opening,
             "variance_weight": SETTINGS.variance_price,
-            "quiet_arm": request.scene.object.half_length,
         }
         return cls(values, names) if names else None
 
@@ -297,7 +296,7 @@ class Scenarios(SceneConstraint):
         """
         if interval.phase != "carry":
             for i in range(1, self.count + 1):
-                interval.set_sliding_pivot(i, window=True)
+                interval.set_sliding_pivot(i)
 
     def at_last(self, brake: Brake) -> None:
         """Each throw's landing, and the price of missing the target."""
