@@ -61,7 +61,7 @@ core:
 
 # The optional extras beside what is there.
 extras: .venv/run
-	$(PIP) $(EDITABLE) '.[dask,franka,mujoco,ros,urdf,view]'
+	$(PIP) $(EDITABLE) '.[dask,franka,mujoco,objects,ros,urdf,view]'
 
 # README's film and the picture of the throw, made again; needs ffmpeg.
 FILTER := fps=10,scale=640:-1:flags=lanczos,split[a][b];[a]palettegen=max_colors=64[p];[b][p]paletteuse=dither=none

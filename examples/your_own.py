@@ -78,7 +78,8 @@ measured = np.round((force + generator.normal(0.0, 1.0, t.size)) / 0.25) * 0.25
 The file for throwplan has the columns `t` [s from the command] and `f_N` [N, one pad]. Its force
 must not be negative, must fall (by at most 5 % may it rise again) and must end at zero. So:
 a moving average over 5 ms against the noise, then the running minimum, so that nothing rises, and
-zero where the sensor shows only noise. A row every 2 ms is plenty.
+zero where the sensor shows only noise. A row every 0.5 ms: with rows every
+2 ms the interpolation alone can move a landing by 1.1 mm and 0.9°.
 """
 
 # %%
@@ -91,7 +92,7 @@ smooth[smooth < 0.02 * smooth[0]] = 0.0
 with (work / "gripper.csv").open("w", newline="", encoding="utf-8") as file:
     writer = csv.writer(file)
     writer.writerow(["t", "f_N"])
-    for row in range(0, t.size, 4):
+    for row in range(t.size):
         writer.writerow([f"{t[row]:.4f}", f"{smooth[row]:.3f}"])
 
 # %% [markdown]

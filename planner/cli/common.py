@@ -60,13 +60,18 @@ def add_out(add: Add, what: str) -> None:
 
 
 def toml_out(options: argparse.Namespace) -> Path:
-    """The TOML file of --out; InputError for another file, one that exists unless --force is
-    given, or without its folder."""
+    """The TOML file of --out; InputError for another file, or without its folder."""
     out = Path(options.out)
     if out.suffix != ".toml":
         raise InputError(f"--out {out}: must end in .toml")
     if not out.parent.is_dir():
         raise InputError(f"--out {out}: its folder does not exist")
+    return out
+
+
+def new_toml_out(options: argparse.Namespace) -> Path:
+    """`toml_out`; InputError for a file that exists, unless --force is given."""
+    out = toml_out(options)
     if out.exists() and not options.force:
         raise InputError(f"{out}: exists already, not overwritten; --force does it")
     return out

@@ -16,7 +16,7 @@ from ...problems.meshes import (
     read_mesh,
     stl_bytes,
 )
-from .common import DONE, Add, Progress, number, print_result, toml_out
+from .common import DONE, Add, Progress, new_toml_out, number, print_result
 
 #: Units of a mesh's lengths in m.
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
 
     example: throwplan import-object part.stl --unit mm --mass 0.4 --grasp 0 0 60 --out part.toml
     """
-    file, out = Path(options.mesh), toml_out(options)
+    file, out = Path(options.mesh), new_toml_out(options)
     if (options.mass is None) == (options.density is None):
         raise InputError("give --mass or --density")
     beside = out.with_name(f"{out.stem}-mesh.stl")

@@ -54,7 +54,10 @@ def arguments(add: Add) -> None:
     add("--tool", metavar="LINK", help="link of the hand (default: the link of the last joint)")
     words = "axis of the tool link that points out of the hand, such as --approach=-z (default: z "
     add("--approach", choices=list(AXES), help=words + "if the hand's links agree)")
-    words = "axis of the tool link along which the pads close (default: y, or z, the same)"
+    words = (
+        "axis of the tool link along which the pads close (default: that of the fingers, else y "
+    )
+    words += "or, if --approach is y or -y, z)"
     add("--closing", choices=["x", "y", "z"], help=words)
     words = "distance from the tool link to the pads' centre (default: 0)"
     add("--tcp", type=number(), metavar="M", default=0.0, help=words)
@@ -64,7 +67,8 @@ def arguments(add: Add) -> None:
     add("--azimuth", metavar="J", help="joint that turns the throw's plane (default: the first)")
     words = "joints that throw (default: those that turn in the plane y = 0)"
     add("--throwing", nargs="+", metavar="J", default=[], help=words)
-    words = "fixed angles of the other joints (default: 0 if allowed, pads across the plane)"
+    words = "angles of all joints; those that do not throw keep them (default: 0 if allowed, pads "
+    words += "across the plane)"
     add("--posture-deg", nargs="+", type=number(), default=[], metavar="DEG", help=words)
     for name, option in LIMIT_OPTIONS.items():
         words = f"{name.replace('_', ' ')} limits [{LIMIT_UNITS.get(name, 'deg')}]: one for all "

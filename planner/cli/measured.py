@@ -122,7 +122,11 @@ def identify_arguments(add: Add) -> None:
     add("--model", default="", metavar="NAME", help=allowed + ", ".join(FITTED))
     add("--delay", action="store_true", help="fit a delay of the opening, too")
     add("--grip-scale", action="store_true", help="and the grip force's scale")
-    add("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
+    add(
+        "--prior",
+        metavar="SCENE",
+        help="scene whose [contact] and [uncertainty] say what is believed before",
+    )
     _add_selection(add)
     add_out(add, "identify.json, contact.toml, a picture")
 

@@ -21,9 +21,9 @@ from .common import (
     Progress,
     add_out,
     integer,
+    new_toml_out,
     print_result,
     report_step,
-    toml_out,
     written,
 )
 from .saved_plans import add_plan, add_plan_or_cycle
@@ -47,7 +47,7 @@ def run_arguments(add: Add) -> None:
     add("--robot", metavar="HOST", help="address of a Franka Research 3")
     add("--yes", action="store_true", help="move without confirmation")
     add("--dry", action="store_true", help="print the motion instead of sending it")
-    words = "send the motion slowly, with an empty hand that stays closed"
+    words = "send the motion slowly, with an empty hand that does not move"
     add("--rehearse", action="store_true", help=words)
     words = (
         "number of throws, each corrected by the last recording; of runs of a cycle (default: 1)"
@@ -215,7 +215,7 @@ def measure_gripper(options: argparse.Namespace) -> int:
 
     example: throwplan measure-gripper --robot 172.16.0.2 --times 20 --out my-hand.toml
     """
-    path = None if options.out is None else toml_out(options)
+    path = None if options.out is None else new_toml_out(options)
     _check_terminal(options)
     question = "The gripper moves. Is it empty, and are all fingers away? [y/N] "
     ask = partial(_confirm, options.yes, question)
@@ -224,7 +224,8 @@ def measure_gripper(options: argparse.Namespace) -> int:
     text = f"{options.robot}: {options.times} openings of the empty gripper. {found.words}"
     if path is not None:
         copy_out(found.text(), path, force=options.force)
-        text += f"\n  written to {path}; a scene takes it by [gripper] file"
+        text += f"\n  written to {path}; a scene takes it by [gripper] file, "
+        text += "if it has no force, dwell and opening of its own"
     else:
         text += f"\n\n{found.text()}"
     print_result(options, found.to_dict() | {"file": options.out}, text)

@@ -48,6 +48,10 @@ from .common import (
 DRAWN = 20_000
 #: Message of `prepare` without a cache folder.
 NOT_KEPT = "not kept: there is no cache folder"
+ROBUST = (
+    "plan against the scene's [uncertainty], or without that section an opening up to 10 ms early "
+    "or late (default: as the scene's [robust], or not at all)"
+)
 
 
 def scenes_arguments(add: Add) -> None:
@@ -118,8 +122,7 @@ def plan_arguments(add: Add) -> None:
         "auto (default): FATROP, and IPOPT from earlier throws and for a named method of --robust"
     )
     add("--solver", choices=("auto", "fatrop", "ipopt"), default="auto", help=words)
-    words = "plan against the scene's [uncertainty] (default: an opening 10 ms early or late)"
-    add("--robust", choices=Robust.METHODS, help=words)
+    add("--robust", choices=Robust.METHODS, help=ROBUST)
     words = f"in little time: [cost] time = {Cost.FAST:g} or more"
     add("--fast", action="store_true", help=words)
     words = "also list up to N different throws to the target"
@@ -310,7 +313,7 @@ def sweep_arguments(add: Add) -> None:
     """The options of `sweep`."""
     add("scene", metavar="SCENE", help="a built-in scene, a TOML file, or the folder of a plan")
     add_target(add)
-    add("--robust", choices=Robust.METHODS, help="plan against the uncertainty")
+    add("--robust", choices=Robust.METHODS, help=ROBUST)
     add_patience(add, "10 s, 6 s for a robust plan")
     names = f"release model: {', '.join(BATCH_MODELS)} (default: the scene's [tolerance] model)"
     add("--model", default="", metavar="NAME", help=names)

@@ -137,10 +137,10 @@ class Expectations:
                 f"collision thresholds: above {limits} and {force:.0f} N, by which the controller "
                 f"errs {while_empty}; what its model errs comes on top"
             )
-        grips = [carry.close.force for carry in self.motion.carries if carry.pick]
-        if max(grips, default=0.0) > FORCES[0]:
+        grip = max(carry.close.force for carry in self.motion.carries)
+        if grip > FORCES[0]:
             lines.append(
-                f"grip force: {max(grips):g} N; a Franka Hand keeps {FORCES[0]:g} N for long, and "
+                f"grip force: {grip:g} N; a Franka Hand keeps {FORCES[0]:g} N for long, and "
                 f"has {FORCES[1]:g} N at most"
             )
         return "\n".join([self.swept_words, *(f"  {line}" for line in lines)])

@@ -155,10 +155,17 @@ def check_motion(where: str | Path, motion: JointMotion) -> None:
 
 
 def check_hand(where: str | Path, motion: JointMotion) -> None:
-    """InputError, naming `where`, unless a Franka Hand closes at a cycle's picks in time and with
-    the scene's force."""
-    for carry in motion.carries if motion.picks else ():
+    """InputError, naming `where`, unless a Franka Hand has the scene's force and closes at a
+    cycle's picks in time."""
+    for carry in motion.carries:
         scene, close = carry.throw.scene, carry.close
+        if close.force > FORCES[1]:
+            raise InputError(
+                f"{where}: {carry.name}: the grip force is {close.force:g} N, a Franka Hand has "
+                f"{FORCES[1]:g} N at most: plan it with a smaller [gripper] force"
+            )
+        if not carry.pick:
+            continue
         delay = scene.gripper.profile().dwell + scene.mean_delay
         way = OPEN_WIDTH - close.width - close.tolerance
         least = delay + way / SPEED + TICK * GRASP_CHECK
@@ -168,11 +175,6 @@ def check_hand(where: str | Path, motion: JointMotion) -> None:
                 f"{where}: {carry.pick}: the hand closes at {SPEED:g} m/s at most, and needs "
                 f"{least:.2f} s until it holds the object; the arm waits {given:.2f} s: plan it "
                 "with a longer grasp_time"
-            )
-        if close.force > FORCES[1]:
-            raise InputError(
-                f"{where}: {carry.pick}: the grip force is {close.force:g} N, a Franka Hand has "
-                f"{FORCES[1]:g} N at most: plan it with a smaller [gripper] force"
             )
 
 

@@ -19,7 +19,7 @@ from ..throw import TICK, Samples, State, arm_excesses, joint_limits, transfer
 from ..verdict import Code, motion_verdict
 from .expectations import Expectations, swept_bodies
 from .franka import STILL, Franka, binding_errors
-from .gripper import FORCES, GRASP_TOLERANCE, MOVED, OPEN_WIDTH, SPEED, GripperLink, GripperState
+from .gripper import GRASP_TOLERANCE, MOVED, OPEN_WIDTH, SPEED, GripperLink, GripperState
 from .learning import corrected
 from .motions import JointMotion
 from .recording import Recording
@@ -59,7 +59,7 @@ def throws(
         ask(words)
         # The object may have been lost while a person answered.
         if not _equal(franka.gripper.state(), ready):
-            _restore(franka.gripper, ready)
+            _restore(franka.gripper, ready, plan.carries[0].close.force)
         recording = play(franka, sent, way, stops)
         yield recording
         if recording.trouble:
@@ -83,7 +83,7 @@ def _ready_state(franka: Franka, motion: JointMotion, now: GripperState) -> Grip
 def rehearse(
     franka: Franka, plan: JointMotion, sent: JointMotion, ask: Callable[[str], None]
 ) -> Recording:
-    """Send the motion slowly, with an empty hand that stays closed.
+    """Send the motion slowly, with an empty hand that does not move.
 
     On the way to the start pose, too, arm and hand keep `REHEARSAL_SPEED`. InputError for a gripper
     that holds something, besides those of `throws`.
@@ -189,11 +189,12 @@ def _equal(one: GripperState, other: GripperState) -> bool:
     return one.holds == other.holds and abs(one.width - other.width) < MOVED
 
 
-def _restore(gripper: GripperLink, ready: GripperState) -> None:
-    """Move the gripper as before the first motion; InputError if it lacks the object."""
+def _restore(gripper: GripperLink, ready: GripperState, force: float) -> None:
+    """Move the gripper as before the first motion, with the scene's force [N] around an object;
+    InputError if it lacks the object."""
     if ready.holds:
         tolerances = GRASP_TOLERANCE, GRASP_TOLERANCE
-        gripper.order("grasp", ready.width, *tolerances, SPEED, FORCES[0])
+        gripper.order("grasp", ready.width, *tolerances, SPEED, force)
     else:
         gripper.order("move", ready.width, SPEED)
     result = gripper.result(GRIPPER_ENDS) or "does not end"

@@ -271,3 +271,6 @@ def test_a_grip_that_the_hand_does_not_have_is_refused(motion) -> None:
     check_motion("cycle", motion)
     with pytest.raises(InputError, match=r"2 of 2\): the grip force is 200 N, .* 140 N at most"):
         check_motion("cycle", dataclasses.replace(motion, carries=(motion.carries[0], strong)))
+    throw = dataclasses.replace(strong, pick="")
+    with pytest.raises(InputError, match=r"plan: the object: the grip force is 200 N"):
+        check_motion("plan", dataclasses.replace(motion, carries=(throw,)))
