@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import sysconfig
 from pathlib import Path
 from typing import Any
@@ -47,8 +46,7 @@ def has_meshes(name: str) -> bool:
 def chain_for(name: str) -> Any:
     """The chain of an arm's URDF."""
     file, tool, base, closing = MESHES[name]
-    with contextlib.chdir((PACKAGES / file).parent):  # Its xacro names another beside it.
-        return chain_of(read_urdf(PACKAGES / file)[0], [], tool, base, closing=closing)
+    return chain_of(read_urdf(PACKAGES / file)[0], [], tool, base, closing=closing)
 
 
 def link_points(name: str) -> dict[int, Array]:
@@ -59,8 +57,7 @@ def link_points(name: str) -> dict[int, Array]:
     import trimesh
 
     arm, chain = load_arm(name), chain_for(name)
-    with contextlib.chdir((PACKAGES / MESHES[name][0]).parent):
-        meshes, unread = link_meshes(chain, PACKAGES / MESHES[name][0])
+    meshes, unread = link_meshes(chain, PACKAGES / MESHES[name][0])
     assert not unread
     if name == "gen3":
         camera = trimesh.load(PACKAGES / VISION, force="mesh")

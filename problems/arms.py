@@ -225,6 +225,7 @@ def arm_from(tables: Mapping[str, Any]) -> Arm:
         raise InputError(f"joint_names: must be {arm.joints} different names")
     if arm.links and len(arm.links) != arm.joints + 1:
         raise InputError(f"links: must be {arm.joints + 1} tables, one per joint and the hand's")
+    _check_inertias(arm.links)
     for number, capsule in enumerate(arm.capsules, start=1):
         if not 0 <= capsule.link <= arm.joints + 1:
             raise InputError(
@@ -242,6 +243,19 @@ def arm_from(tables: Mapping[str, Any]) -> Arm:
         if not 1 <= joint <= arm.joints:
             raise InputError(f"{key} = {joint!r}: must be a whole number, 1 to {arm.joints}")
     return arm
+
+
+def _check_inertias(links: Sequence[LinkInertia]) -> None:
+    """InputError for an inertia that no body has."""
+    for number, link in enumerate(links, start=1):
+        matrix = np.zeros((3, 3))
+        matrix[np.triu_indices(3)] = link.inertia
+        least, _, largest = np.linalg.eigvalsh(matrix, "U")
+        if least < -1e-6 * largest:
+            raise InputError(
+                f"links {number}: inertia = {list(link.inertia)}: its principal moments must be at "
+                f"least 0, one is {least:.3g}"
+            )
 
 
 def arm_table(arm: Arm) -> dict[str, Any]:

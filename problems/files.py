@@ -142,6 +142,9 @@ def csv_lines(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     except csv.Error as error:
         raise InputError(f"{path}: {error}") from None
     rows = [(number, line) for number, line in enumerate(lines[1:], start=2) if line]
+    for number, line in rows:
+        if any(line[len(lines[0]) :]):  # decimal commas, for example
+            raise InputError(f"{path}: line {number} has {len(line)} cells, not {len(lines[0])}")
     return [cell.strip() for cell in lines[0]], rows
 
 

@@ -339,6 +339,8 @@ class Gripper(Section):
         linear = self.force is not None or self.opening is not None
         if linear == measured:
             raise InputError("give either 'force' and 'opening', or a measured 'table'")
+        if measured and self.dwell:
+            raise InputError(f"dwell = {self.dwell:g}: only with 'force': 'times' begin before it")
         if linear and (self.force is None or self.opening is None):
             missing = "force" if self.force is None else "opening"
             raise InputError(f"key '{missing}' is missing")

@@ -250,6 +250,8 @@ class Motion(Section):
             raise InputError("give one of acceleration, accelerations, table and joints")
         if self.table is not None and self.joints is not None:
             raise InputError("give one of 'table' and 'joints'")
+        if sampled and any((*self.position, self.angle, *self.velocity, self.rate)):
+            raise InputError("position, angle, velocity and rate: not beside 'table' or 'joints'")
         if (self.joints is None) != (self.arm is None):
             raise InputError("joints and arm: give both or neither")
         if len(self.times) != len(self.accelerations):

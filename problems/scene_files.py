@@ -102,7 +102,8 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
         if key == "gripper":
             value = _grip_of(value, folder)
         if key == "gripper" and isinstance(value.get("table"), str):
-            other = [k for k in value if k not in ("table", "raw", "file")]
+            said = ("force", "dwell", "opening", "times", "forces")
+            other = [k for k in value if k in said]
             if other:
                 raise InputError(f"{other[0]}: not beside 'table', which says it all")
             value = value | _read_grip_table(value["table"], folder, value.get("raw") is True)
@@ -177,7 +178,8 @@ def _read_motion_samples(table: Mapping[str, Any], folder: Path | None) -> dict[
     if isinstance(table.get("table"), str):
         rows = read_csv("table", table["table"], folder, ("t", "x", "z", "theta"))
     elif isinstance(table.get("joints"), str) and isinstance(table.get("arm"), str):
-        count = load_arm(table["arm"], folder).joints
+        with within(f"arm = {table['arm']!r}"):
+            count = load_arm(table["arm"], folder).joints
         columns = ("t", *(f"q{j + 1}" for j in range(count)))
         rows = read_csv("joints", table["joints"], folder, columns)
     else:

@@ -173,7 +173,8 @@ def load_throws(folder: str | Path) -> ThrowData:
     tables = toml_tables(read_text(path), str(path))
     with within(str(path)):
         shared, objects, truth = _head(tables)
-        arm = None if shared.arm is None else load_arm(shared.arm, folder)
+        with within(f"arm = {shared.arm!r}"):
+            arm = None if shared.arm is None else load_arm(shared.arm, folder)
     throws, table = [], folder / "throws.csv"
     for number, row in _rows(table):
         with within(f"{table}: line {number}"):
@@ -298,7 +299,8 @@ def _recording(key: str, name: str, folder: Path, columns: tuple[str, ...]) -> A
         raise InputError(f"{key} = {name}: needs at least 2 rows")
     falls = np.flatnonzero(np.diff(rows[:, 0]) <= 0)
     if falls.size:
-        raise InputError(f"{key} = {name}: line {falls[0] + 3}: t must rise from row to row")
+        t = rows[falls[0] + 1, 0]
+        raise InputError(f"{key} = {name}: t = {t:g}: must rise from row to row")
     return rows
 
 

@@ -51,6 +51,8 @@ def run(options: argparse.Namespace) -> int:
     if (options.mass is None) == (options.density is None):
         raise InputError("give --mass or --density")
     beside = out.with_name(f"{out.stem}-mesh.stl")
+    if beside.exists() and file.exists() and beside.samefile(file):
+        raise InputError(f"--out {out}: its mesh would take the place of {file}: name another")
     if beside.exists() and not options.force:
         raise InputError(f"{beside}: exists already, not overwritten; --force does it")
     axis, across = (v if v is None else tuple(v) for v in (options.axis, options.across))

@@ -93,9 +93,10 @@ def run(options: argparse.Namespace) -> int:
             held_names = held_joints(chain)
             shapes = link_shapes(chain, urdf_file(urdf))
             arm_data = dataclasses.replace(arm_data, capsules=shapes.capsules, cover=shapes.cover)
+            remarks = _remarks(chain, urdf, held_names, shapes, turned)
+            text, arm = arm_file(arm_data, remarks, str(out))
         except InputError as error:
             raise error.within(str(urdf)) from None
-        text, arm = arm_file(arm_data, _remarks(chain, urdf, held_names, shapes, turned), str(out))
         difference = kinematics_difference(arm, chain)
     if not difference <= EXACT:
         raise InputError(

@@ -94,8 +94,12 @@ def read_mesh(file: Path) -> Any:
             f"{file}: is not watertight: its triangles must enclose the object without gaps, so "
             "that it has a volume (repair the mesh, for example with Blender's 3D-Print toolbox)"
         )
-    if mesh.volume < 0.0:
-        mesh.invert()
+    with np.errstate(all="ignore"):
+        if mesh.volume < 0.0:
+            mesh.invert()
+        if not mesh.is_volume:
+            words = "its triangles must enclose one and all face outwards"
+            raise InputError(f"{file}: has no volume: {words}")
     return mesh
 
 

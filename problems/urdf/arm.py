@@ -191,7 +191,7 @@ def _in_file(joint: object, name: str) -> float | None:
         return None
     if name.startswith("position"):
         low, high = limit.lower or 0.0, limit.upper or 0.0
-        if getattr(joint, "type", "") == "continuous" or not low < high:
+        if getattr(joint, "type", "") == "continuous" or not -math.inf < low < high < math.inf:
             return None
         return float(low if name == "position_min" else high)
     value = {"velocity": limit.velocity, "torque": limit.effort}.get(name)

@@ -160,8 +160,10 @@ class _Arguments(dict[str, str]):
 def _expanded(path: Path, arguments: Mapping[str, str]) -> ElementTree.Element:
     """A xacro's URDF; InputError for an argument or package that is missing or unknown."""
     from xacrodoc import XacroDoc, packages
+    from xacrodoc.xacrodoc import xacro
 
     values = _Arguments(arguments)
+    xacro.init_stacks(str(path.resolve()))  # else files beside it are sought in the working folder
     if folders := [
         name for name in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if name
     ]:

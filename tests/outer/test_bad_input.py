@@ -219,6 +219,12 @@ GRIPS = [
         {"gripper.table": '"grip.csv"'},
         files={"grip.csv": "t,f_N\n0,50\n0.05,0\n"},
     ),
+    edited(
+        "dwell and times",
+        HAND,
+        {"gripper": "times = [0, 0.05, 0.1]\nforces = [9, 9, 0]\ndwell = 0.3"},
+        "[gripper] dwell = 0.3: only with 'force'",
+    ),
     grip("table not there", None, "no such file"),
     grip("table a binary", bytes(range(256)), "not a text file"),
     grip("table empty", "", "columns", "f_N"),
@@ -241,6 +247,21 @@ GRIPS = [
 COMMANDS = [
     Wrong("simulate without motion", ("[motion]",), HAND, command="simulate"),
     Wrong("plan with motion only", ("[motion]", "[hand]", "[robot]"), DROP),
+    Wrong(
+        "a place beside samples",
+        ("[motion] position, angle, velocity and rate: not beside 'table'",),
+        DROP,
+        {"motion": 'table = "motion.csv"\nposition = [1.0, 0.0]'},
+        files={"motion.csv": "t,x,z,theta\n0,0,0,0\n1,0,0,0\n"},
+        command="simulate",
+    ),
+    Wrong(
+        "joints of no arm",
+        ("[motion] arm = 'pandas': unknown robot, did you mean 'panda'?",),
+        DROP,
+        {"motion": 'joints = "motion.csv"\narm = "pandas"'},
+        command="simulate",
+    ),
 ]
 
 
@@ -386,6 +407,8 @@ ARMS = [
     ("d = 0.333", "d = nan", ["dh", "nan"]),
     ("tcp = 0.1034", "tcp = nan", ["tcp", "nan"]),
     ("tcp = 0.1034", "tpc = 0.1034", ["tpc"]),
+    ("inertia = [0.0156", "inertia = [-0.0156", ["links 1: inertia = [-0.0156", "at least 0"]),
+    ("00248480843", "0248480843", ["links 1: inertia", "at least 0, one is -0.0156"]),
 ]
 
 

@@ -360,6 +360,8 @@ def test_wrong_files_and_options_are_refused(refused, plans, tmp_path):
     assert "line 2: theta = 'wide': must be a finite number" in refused(
         "calibrate --scene pose", path
     )
+    path.write_text(f"plan,x,theta\n{folder / 'a'},1,2,0,1\n")
+    assert "throws.csv: line 2 has 5 cells, not 3" in refused("calibrate --scene pose", path)
     path.write_text("plan,x,theta\nnowhere,1.2,0\n")
     assert "line 2:" in refused("calibrate --scene pose", path)
     throws_file(plans, path, 9, bias=(0.0, 6.2))

@@ -299,6 +299,10 @@ REFUSED = {
     "floating": (JOINTS, [], (FLICK, '"flick" type="floating"'), "'flick' is floating"),
     "endless": (JOINTS, [], (FLICK, '"flick" type="continuous"'),
                 r"--position-min-deg \(position_min of flick\)"),
+    "boundless": (JOINTS, [], ('lower="-2" upper="2.2"', 'lower="-inf" upper="inf"'),
+                  r"--position-min-deg \(position_min of all joints\)"),
+    "too fast": (JOINTS, [], ('velocity="3"', 'velocity="1e9"'),
+                 r"odd.urdf: limits: velocity = 1e\+09: must be at most"),
     "axis": (JOINTS, [], ("<axis xyz=", '<axis xyz="0 0 0" was='), "axis must be three numbers"),
     "negative mass": (JOINTS, [], ('<link name="hand"><inertial>',
                       '<link name="hand"><inertial><mass value="-1"/>'), "link 'hand': mass = -1"),
@@ -323,7 +327,7 @@ def test_bad_input_is_one_line_and_writes_nothing(case, tmp_path, odd_file, refu
     words = ["--joints", *joints, "--acceleration", "10", "--jerk", "1000"]
     words += [] if "--approach=-x" in options else ["--approach=-x"]
     words += [] if "--closing" in options else ["--closing", "z"]
-    lines = 2 if case == "endless" else 1
+    lines = 2 if case in ("endless", "boundless") else 1
     said = refused(
         "import-robot", urdf, *words, *options, "--out", tmp_path / "arm.toml", lines=lines
     )
@@ -345,10 +349,11 @@ def test_joints_by_number_or_all_on_the_way_to_the_tool(tmp_path, odd_file, odd,
         tmp_path, odd_file, ["1", "2", "3", "5"], *ODD_OPTIONS, "--throwing", *"234"
     )
     assert numbered == odd and odd.joint_names == tuple(JOINTS)
-    words = ["--out", tmp_path / "all.toml", "--acceleration", "10", "--jerk", "1000"]
+    out = tmp_path / "all.toml"
+    words = ["--force", "--out", out, "--acceleration", "10", "--jerk", "1000"]
     hand = ["--tool", "hand", "--approach=-x", "--closing", "z"]
     assert main([str(word) for word in ("import-robot", odd_file, *words, *hand)]) == 0
-    assert "joint_names = ['turn', 'lift', 'bend', 'roll', 'flick']" in words[1].read_text()
+    assert "joint_names = ['turn', 'lift', 'bend', 'roll', 'flick']" in out.read_text()
     said = refused("import-robot", odd_file, *words, lines=4)
     assert "one of hand, pad-1, pad1, after_flick" in said
     line = refused("import-robot", odd_file, *words, "--tool", "hand", "--joints", "1", "6")

@@ -72,12 +72,35 @@ def test_what_no_throw_can_have_is_refused(refused, bar_mesh, words, said) -> No
     assert not out.exists()
 
 
+def test_the_mesh_itself_is_not_overwritten(refused, bar_mesh, tmp_path, untouched) -> None:
+    mesh = bar_mesh.rename(tmp_path / "bar-mesh.stl")
+    untouched()
+    words = ("--unit", "mm", "--mass", "0.3", "--grasp", "20", "0", "0", "--force")
+    line = refused("import-object", mesh, "--out", tmp_path / "bar.toml", *words)
+    assert "its mesh would take the place of" in line
+
+
 def test_an_open_mesh_is_refused(refused, tmp_path) -> None:
     file, mesh = tmp_path / "open.stl", trimesh.creation.box([0.1, 0.02, 0.02])
     mesh.update_faces(np.arange(len(mesh.faces)) > 0)
     mesh.export(file)
     words = ("--mass", "1", "--grasp", "0", "0", "0", "--out", tmp_path / "open.toml")
     assert "not watertight" in refused("import-object", file, *words)
+
+
+@pytest.mark.parametrize("how", ["turned", "flat"])
+def test_a_closed_mesh_without_a_volume_is_refused(refused, tmp_path, how) -> None:
+    """Two triangles face inwards; or a pyramid has no height."""
+    file, mesh = tmp_path / "part.obj", trimesh.creation.box([0.2, 0.02, 0.03])
+    if how == "turned":
+        mesh.faces[[0, 3]] = mesh.faces[[0, 3], ::-1]
+    else:
+        corners = [[0, 0, 0], [0.2, 0, 0], [0.2, 0.03, 0], [0, 0.03, 0], [0.1, 0.015, 0]]
+        faces = [[0, 2, 1], [0, 3, 2], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+        mesh = trimesh.Trimesh(corners, faces, process=False)
+    mesh.export(file)
+    words = ("--mass", "0.3", "--grasp", "0.02", "0.01", "0", "--out", tmp_path / "part.toml")
+    assert "part.obj: has no volume: its triangles must" in refused("import-object", file, *words)
 
 
 @pytest.mark.parametrize("name", ["hammer", "bottle", "box"])

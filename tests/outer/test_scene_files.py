@@ -462,6 +462,8 @@ def test_grip_table_in_any_order_and_in_the_file_itself(tmp_path) -> None:
     lists = f"times = {[t for t, _ in ROWS]}\nforces = {[f for _, f in ROWS]}"
     inside = loaded(tmp_path, LEAST.replace(FORCE, lists)).gripper
     assert (inside.times, inside.forces) == (aside.times, aside.forces)
+    text = WITH_TABLE.replace("table =", "sticking_margin = 0.1\ntable =")
+    assert loaded(tmp_path, text).gripper == aside.changed(sticking_margin=0.1)
 
 
 # The bound on the inertia.

@@ -87,6 +87,12 @@ def test_a_small_data_set_is_read(small) -> None:
         ("dataset.toml", "mass = 0.24", "mass = nan", "mass = nan: must be a finite number"),
         ("dataset.toml", "landing_height = -0.8", "", "key 'landing_height' is missing"),
         ("dataset.toml", "inertia = 0.000535", "inertia = 535", "inertia = 535: must be at most"),
+        (
+            "dataset.toml",
+            "[objects",
+            'arm = "pandas"\n[objects',
+            "arm = 'pandas': unknown robot, did",
+        ),
         ("dataset.toml", "friction = 0.8", 'friction = "?"', "must be a section [truth] of numb"),
         ("throws.csv", ",bar,", ",stick,", "line 2: object: unknown key 'stick'"),
         ("throws.csv", "command", "order", "the first line must name the column command"),
@@ -98,7 +104,8 @@ def test_a_small_data_set_is_read(small) -> None:
         ("throws.csv", "1.0,-0.8,7.5", "1.0,-0.8,430", "theta = 430: must be in rad, at most 62.8"),
         ("throws.csv", "1.0,-0.8,7.5", ",,", "line 2: no landing: give x, z and theta, or a"),
         ("throws.csv", "track/1.csv", "a,b", "throws.csv: line 3 has 11 cells, not 10"),
-        ("motion/1.csv", "\n0.002,", "\n0.000,", "line 3: t must rise from row to row"),
+        ("motion/1.csv", "\n0.002,", "\n\n0.000,", "t = 0: must rise from row to row"),
+        ("motion/1.csv", "\n0.002,", "\n0,002,", "motion/1.csv: line 3 has 5 cells, not 4"),
         (
             "throws.csv",
             "1.0,-0.8,7.5",
