@@ -76,7 +76,8 @@ def read_json(path: Path) -> Any:
     except RecursionError:
         raise InputError(f"{path}: is not JSON: nested too deep") from None
     except ValueError as error:
-        raise InputError(f"{path}: is not JSON: {error}") from None
+        place = f" (line {error.lineno})" if isinstance(error, json.JSONDecodeError) else ""
+        raise InputError(f"{path}: is not JSON{place}") from None
 
 
 def shipped(kind: str) -> dict[str, Traversable]:

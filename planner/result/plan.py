@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 #: Pictures of a plan: True for both, False for none, "png" for throw.png alone.
 Draw = bool | Literal["png"]
+#: `Plan.robust` of a plain throw that no robust one was better than.
+PLAIN = "nominal"
 #: Keys of a release's times in the JSON, and their labels in summaries.
 MOMENTS = {
     "command_time": "gripper command",
@@ -316,8 +318,9 @@ class Plan:
     @property
     def _load_words(self) -> str:
         """The pads' load of a robust plan."""
+        origin = "plain throw" if self.robust == PLAIN else f"robust by {self.robust}"
         return (
-            f"robust by {self.robust}: load on the pads at most "
+            f"{origin}: load on the pads at most "
             f"{100 * (self.peak_load or 0.0):.1f} % of the full grip's friction limit,\n"
             "    from when the grip may have fallen to a quarter"
         )

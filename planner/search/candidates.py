@@ -100,17 +100,23 @@ class Candidates:
     @cached_property
     def drawn(self) -> list[tuple[Releases, int, Pose, float]]:
         """(table, release, goal, pose error [m]) of releases drawn towards the target, each of
-        another kind of motion, that which differs most from all before it next."""
+        another kind of motion, that which differs most from all before it next.
+
+        They are drawn without regard to obstacles; throws that touch one are left out.
+        """
         task, scene = self.task, self.task.scene
         with task.clock("guess"):
             sampler = ReleaseSampler(scene, self.manipulator)
             table, chosen = drawn_towards(sampler, self.arriving.releases, self._away)
             landings = table.landings(task.target.z, scene.flight)[:, chosen]
             near = nearest_landings(scene, task.target, task.turns, landings, len(chosen))
-        return [
-            (table, chosen[number], goal, away)
-            for number, goal, away in sorted(near, key=itemgetter(0))
-        ]
+            found = [
+                (table, chosen[k], goal, away) for k, goal, away in sorted(near, key=itemgetter(0))
+            ]
+            if not scene.obstacle:
+                return found
+            manipulator = self.manipulator
+            return [one for one in found if not in_obstacles(scene, manipulator, *one[:2])]
 
     def _away(self, releases: Releases) -> Array:
         """Pose errors (N,) [m] of releases' landings, and what `drawn_towards` adds."""

@@ -167,12 +167,7 @@ class Search:
 
     @cached_property
     def drawn(self) -> list[Approach]:
-        """Approaches from releases drawn towards the target, those that are evidence first.
-
-        They are drawn without regard to obstacles: among these one of 163 led to its target.
-        """
-        if self.task.scene.obstacle:
-            return []
+        """Approaches from releases drawn towards the target, those that are evidence first."""
         problems, task, least = self.context.problems, self.task, self._drawn_within
         most = least + SETTINGS.farther if self.is_far else math.inf
         found = [
@@ -334,7 +329,7 @@ class Search:
 
         Not before releases are drawn, which takes a tenth of a second.
         """
-        if not history.drawn or not history.edges or not self.is_far:
+        if not history.drawn or not history.edges or self.task.scene.obstacle or not self.is_far:
             return False
         return self._is_nearest(history.edges[0].missed, [self._drawn_within])
 

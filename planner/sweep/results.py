@@ -13,7 +13,7 @@ from ...models import Array, Flags, Indices, ReadOnly
 from ...models.release import MODELS
 from ...problems import check_arguments
 from ...problems.files import filling, plain, write_json
-from ..result import Plan
+from ..result import PLAIN, Plan
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
 from ..throw import ThrowBatch
 from ..uncertainty import DelayScan, RestCount, Sampler
@@ -71,14 +71,16 @@ class Sweep(ReadOnly):
 
     @property
     def robust(self) -> bool:
-        """Whether the plan is robust."""
-        return bool(self.plan.robust)
+        """Whether the plan is robust; not if its throw is the plain one."""
+        return self.plan.robust not in ("", PLAIN)
 
     @property
     def label(self) -> str:
         """The scene's name, and the robust method of its plan."""
-        name = self.plan.scene.name
-        return f"{name}, robust ({self.plan.robust})" if self.plan.robust else name
+        name, method = self.plan.scene.name, self.plan.robust
+        if method == PLAIN:
+            return f"{name}, plain throw (no robust one is better)"
+        return f"{name}, robust ({method})" if method else name
 
     @property
     def success(self) -> Flags:

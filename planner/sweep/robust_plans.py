@@ -13,7 +13,7 @@ import numpy as np
 from ...models import Flags
 from ...problems import Mesh, Robust, Scene
 from ..ocp import peak_load
-from ..result import Plan
+from ..result import PLAIN, Plan
 from ..search import Attempt, NlpCache, Start, Task, attempts, guess_of
 from ..uncertainty import sampler_of
 from ..verdict import is_as_successful
@@ -27,8 +27,6 @@ QUIET_MESH = Mesh(opening=8, grading=1.0, epsilon=0.03)
 CONSTANT_RATES = "joint-velocity"
 #: Robust method of several throws under one motion of the hand.
 SCENARIOS = "scenarios"
-#: Method of the plain throw among the candidates.
-PLAIN = "nominal"
 #: Method of another plain throw to the target.
 ALTERNATIVE = "alternative"
 

@@ -184,7 +184,8 @@ def make_manipulator(scene: Scene) -> Manipulator:
         return _arm_manipulator(scene)
     if scene.hand is not None:
         return _hand_manipulator(scene.hand)
-    raise InputError(f"{scene.place}: has a given [motion] and no [hand] or [robot] to plan with")
+    words = "has a given [motion] and no [hand] or [robot] to plan with"
+    raise InputError(f"{scene.place}: {words}; `throwplan simulate` takes it")
 
 
 def _hand_manipulator(hand: Hand) -> Manipulator:
