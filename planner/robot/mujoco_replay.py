@@ -10,6 +10,7 @@ import dataclasses
 import math
 import time
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -85,15 +86,20 @@ class Replay(ReadOnly):
         x, z, theta = self.landing
         return f"Replay(landing x {x:.4f} m, z {z:.4f} m, theta {math.degrees(theta):.2f} deg)"
 
+    @cached_property
+    def _unbiased(self) -> Throw:
+        """The throw without the bias of [calibration], which MuJoCo does not know."""
+        return self.throw.in_scene(self.throw.scene.changed(calibration=None))
+
     @property
     def sp(self) -> tuple[float, float, float]:
-        """The landing by the sliding pivot."""
-        return self.throw.sliding_pivot.landing.pose
+        """The landing by the sliding pivot, without a bias."""
+        return self._unbiased.sliding_pivot.landing.pose
 
     @property
     def limit_surface(self) -> tuple[float, float, float]:
-        """The landing by the limit surface."""
-        return self.throw.limit_surface.landing.pose
+        """The landing by the limit surface, without a bias."""
+        return self._unbiased.limit_surface.landing.pose
 
     @property
     def inside(self) -> bool:
@@ -181,6 +187,8 @@ class Replay(ReadOnly):
                 words = "sliding pivot" if key == "sp" else key.replace("_", " ")
                 angle = "open" if math.isnan(dtheta) else f"{math.degrees(dtheta):+.3f} deg"
                 lines.append(f"  {words:15}{1e3 * dx:+10.3f} mm{angle:>13}")
+        if scene.calibration is not None:
+            lines.append("  all without the bias of [calibration], by which the throw is aimed off")
         if self.hits:
             lines.append(f"  on its way the bar hits: {', '.join(self.hits)}")
         if self.rest is not None:

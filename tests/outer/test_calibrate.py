@@ -196,6 +196,16 @@ def test_the_sentence_rounds_bounds_up(plans):
     assert "land within 31 mm\n" in said
 
 
+def test_a_replay_compares_landings_without_the_bias():
+    pytest.importorskip("mujoco")
+    plan = tp.plan(tp.load_scene("pose").replace(calibration=calibration()))
+    replay = tp.replay(plan, step=1e-4)
+    dx, dtheta = replay.off("limit_surface")
+    assert abs(dx) < 2e-3 < abs(BIAS[0]) and abs(dtheta) < math.radians(1) < abs(BIAS[1])
+    assert abs(replay.off("target")[0]) > abs(BIAS[0]) - 2e-3
+    assert "all without the bias" in replay.summary()
+
+
 def test_a_cup_is_entered_by_the_throw_as_it_really_flies():
     """The flight with the bias spread over it, by formulas of the test, passes the rim inside."""
     scene = tp.load_scene("near-cup").replace(calibration=calibration(x=-0.02, x_interval=(-1, 1)))
