@@ -10,5 +10,5 @@ from .files import (
     read_samples,
     write_table,
 )
-from .plan import PLAIN, Plan, draw_flight, plan_of, sent_throw, throw_of
-from .planned_throw import PlannedThrow
+from .plan import Plan, draw_flight, plan_of, sent_throw, throw_of
+from .planned_throw import PLAIN, PlannedThrow

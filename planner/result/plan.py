@@ -25,7 +25,7 @@ from ..verdict import (
     verdict,
 )
 from .files import FILES, FORMAT, PlanPath, SavedThrow, Status, path_of, read_plan, write_motion
-from .planned_throw import PlannedThrow
+from .planned_throw import PLAIN, PlannedThrow
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 #: Pictures of a plan: True for both, False for none, "png" for throw.png alone.
 Draw = bool | Literal["png"]
-#: `Plan.robust` of a plain throw that no robust one was better than.
-PLAIN = "nominal"
 #: Keys of a release's times in the JSON, and their labels in summaries.
 MOMENTS = {
     "command_time": "gripper command",
