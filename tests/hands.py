@@ -16,7 +16,8 @@ class FakeHand:
     """Moves at `speed` [m/s] after a delay, and reports its width every `interval` [s].
 
     delays [s]: of its openings in turn, closings take the first; stuck: openings move nothing.
-    late [s]: how much later than due a report went out at worst, since the machine had other work;
+    late [s]: how much later than due, or than its width was read, a report went out at worst, since
+    the machine had other work;
     silent: numbers of the openings in which it reports nothing while it moves; served: the delays
     of its openings until now. grasps: how many grasps find an object of 20 mm; drops: the number of
     the grasp whose object it loses, and how long after it holds it [s].
@@ -85,8 +86,10 @@ class FakeHand:
                     # It wakes up four times in each interval.
                     self.late = max(self.late, now - sent - 1.25 * self.interval if sent else 0.0)
                     number, sent = number + 1, now
+                    seen = time.monotonic()
                     row = (number, self.width(), self.most, self.holds, 30)
                     states.sendto(struct.pack("<IddBH", *row), (peer, port))
+                    self.late = max(self.late, time.monotonic() - seen)
                 if pending and abs(self.width() - self.goal) < 1e-9:
                     orders.sendall(HEADER.pack(*pending, 12) + b"\0\0")
                     self.holds, pending = pending[0] == GRASP and self.goal > 0.0, None

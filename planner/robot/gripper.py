@@ -12,6 +12,7 @@ import multiprocessing
 import select
 import socket
 import struct
+import sys
 import time
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -42,6 +43,9 @@ COMMANDS = {"connect": 0, "grasp": 2, "move": 3}
 HEADER = struct.Struct("<HII")
 #: Number of the message, width, largest width, whether it holds something, temperature.
 STATE = struct.Struct("<IddBH")
+#: Linux's SO_TIMESTAMPNS: the kernel says when each datagram arrived, however late this process
+#: reads it.
+TIMESTAMPNS = 35
 #: Results of an order; 0 is success.
 RESULTS = ("done", "failed", "missed its width", "was aborted")
 
@@ -170,6 +174,8 @@ def _serve(host: str, pipe: Connection) -> None:
             orders.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             states.bind(("", 0))
             states.setblocking(False)
+            if sys.platform == "linux":
+                states.setsockopt(socket.SOL_SOCKET, TIMESTAMPNS, 1)
             _connect(orders, states.getsockname()[1])
             _forward(pipe, orders, states)
     except EOFError:
@@ -207,7 +213,7 @@ def _forward(pipe: Connection, orders: socket.socket, states: socket.socket) -> 
             orders.sendall(waiting.pop(0)[1])
             pipe.send(("ordered", now))
         if states in ready:
-            newest = _newest(states, now)
+            newest = _newest(states)
             # A parent that does not look must not stop the orders: it misses states.
             if newest is not None and select.select([], [pipe], [], 0.0)[1]:
                 pipe.send(("state", newest))
@@ -223,17 +229,22 @@ def _forward(pipe: Connection, orders: socket.socket, states: socket.socket) -> 
             waiting.append((due, _message(command, number, payload)))
 
 
-def _newest(states: socket.socket, now: float) -> GripperState | None:
+def _newest(states: socket.socket) -> GripperState | None:
     """The last of the states that have arrived."""
     found = None
     while True:
         try:
-            data = states.recv(65536)
+            data, stamps, _, _ = states.recvmsg(65536, 64)
         except BlockingIOError:
             return found
+        arrival = time.monotonic()
+        for level, kind, stamp in stamps:
+            if (level, kind) == (socket.SOL_SOCKET, TIMESTAMPNS):
+                seconds, nanoseconds = struct.unpack("@ll", stamp)
+                arrival -= max(time.time() - seconds - 1e-9 * nanoseconds, 0.0)
         if len(data) == STATE.size:
             _, width, most, holds, _ = STATE.unpack(data)
-            found = GripperState(width, most, bool(holds), now)
+            found = GripperState(width, most, bool(holds), arrival)
 
 
 def _message(command: str, number: int, payload: bytes) -> bytes:
