@@ -81,17 +81,18 @@ def intercept(
         return sampled(time)[0] > SETTINGS.max_distance
 
     plan = _intercept_from(target, plan_at, earliest, is_beyond)
-    if plan.solved:
+    if plan.solved or earliest == latest:
         return plan
     times = TIMES[(earliest <= TIMES) & (latest >= TIMES)].tolist()
     shares = {time: sampled(time)[1] / time for time in times if not is_beyond(time)}
     for time in _spread(shares):
         aim = target.changed(arrival=time) if time < SETTINGS.usual_time else target
         found = _intercept_from(aim, plan_at, time)
-        if found.solved:
-            return dataclasses.replace(found, target=found.target.changed(arrival=target.arrival))
+        if found.solved and found.throw is not None:
+            return _met(found, found.throw, found.target.changed(arrival=target.arrival))
     begins_in_reach = sampled(0.0)[0] <= SETTINGS.reached_distance
-    if begins_in_reach and min(shares.values(), default=math.inf) > SETTINGS.max_speedup:
+    fastest = min(shares.values(), default=math.inf)
+    if times and begins_in_reach and fastest > SETTINGS.max_speedup:
         words = f"no throw found: it leaves the reach at {target.speed:g} m/s before a throw lands"
         names = ("target velocity", *plan.binding)
         return dataclasses.replace(plan, status="not_converged", message=words, binding=names)
@@ -127,17 +128,23 @@ def _intercept_from(
     time, last, wait = earliest, None, 0
     before: tuple[float, float] | None = None
     words = "no throw found: the time of its landing does not settle while the target moves"
+    until = (TICK, target.window[1]) if target.window[1] < math.inf else None
+    # One time may be missed by a sample on either side, a window of times must contain the landing.
+    exact, equal = target.window[1] == earliest, SETTINGS.equal_ticks
+    least, most = (equal - 1.0, 1.0 - equal) if exact else (-equal, 2.0)
     for number in range(SETTINGS.max_throws):
         if number and is_beyond(time):
             words = f"no throw found: it is out of reach at {time:.2f} s, when a throw would land"
             break
-        plan = plan_at(target.at(time), last)
+        # A throw that lands too early is solved, too: the arm waits.
+        plan = plan_at(target.at(time).changed(arrival=until), last)
         if not plan.solved or plan.throw is None:
             return dataclasses.replace(plan, target=target)
         lands = plan.throw.landing_time
         # A wait is kept, else it would change by a sample each time.
-        if not -SETTINGS.equal_ticks <= (lands - earliest) / TICK + wait <= 2.0:
-            wait = max(0, math.ceil((earliest - lands) / TICK))
+        if not least <= (lands - earliest) / TICK + wait <= most:
+            short = (earliest - lands) / TICK
+            wait = max(0, round(short) if exact else math.ceil(short))
         lands += wait * TICK
         if abs(target.speed * (lands - time)) <= SETTINGS.max_miss:
             return _plan_of(plan, plan.throw, target, wait)
@@ -154,7 +161,11 @@ def _plan_of(plan: Plan, throw: PlannedThrow, target: Pose, wait: int) -> Plan:
     """The plan for the moving target, of a throw to the place of interception."""
     # The plan may have chosen full turns.
     target = target.changed(theta=plan.target.theta)
-    throw = _waiting(throw, wait) if wait else throw
+    return _met(plan, _waiting(throw, wait) if wait else throw, target)
+
+
+def _met(plan: Plan, throw: PlannedThrow, target: Pose) -> Plan:
+    """The plan with this throw, judged at the target's place when it lands."""
     goal = target.at(throw.landing_time)
     final = dataclasses.replace(throw.deciding, scene=plan.scene.aimed_at(goal))
     judged = verdict(final, goal)

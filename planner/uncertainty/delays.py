@@ -75,8 +75,9 @@ def with_delays(batch: ThrowBatch, delays: Array, values: Array) -> tuple[ThrowB
 class DelayTolerance:
     """What an opening that is early or late does to a throw, by exact releases of its motion.
 
-    early, late: change of the landing (x [m], theta [rad]) by an opening 10 ms early or late; NaN
-    where it never lands. scan: the delays that succeed, as in a sweep.
+    early, late: change of the landing (x [m], theta [rad]), relative to a target that moves, by an
+    opening 10 ms early or late; NaN where it never lands. scan: the delays that succeed, as in a
+    sweep.
     """
 
     early: tuple[float, float]
@@ -89,8 +90,11 @@ class DelayTolerance:
         opening = throw.scene.gripper.profile().opening
         reach = -FURTHEST, FURTHEST, opening
         judge = Judge.of_success(ThrowBatch.of(throw, target, ("delay",), reach))
-        at = [judge.batch.one(np.array([delay])).landing for delay in (0.0, -SAID, SAID)]
-        early, late = ((end.x - at[0].x, end.theta - at[0].theta) for end in at[1:])
+        throws = [judge.batch.one(np.array([delay])) for delay in (0.0, -SAID, SAID)]
+        at = [
+            (one.landing.x - target.speed * one.landing_time, one.landing.theta) for one in throws
+        ]
+        early, late = ((x - at[0][0], theta - at[0][1]) for x, theta in at[1:])
         return cls(early, late, scan_delays(judge))
 
     @property
@@ -120,5 +124,9 @@ def _moved(x: float, theta: float) -> str:
 
 
 def _borne(delay: float | None) -> str:
-    """The size of a delay [s] that succeeds, in words."""
-    return f"{1e3 * FURTHEST:g} ms and more" if delay is None else f"{1e3 * abs(delay):.2g} ms"
+    """The size of a delay [s] that succeeds, in words; rounded down, so that it does."""
+    if delay is None:
+        return f"{1e3 * FURTHEST:g} ms and more"
+    size = 1e3 * abs(delay)
+    digits = 1 - math.floor(math.log10(size)) if size > 0.0 else 0
+    return f"{math.floor(size * 10**digits) / 10**digits:.2g} ms"

@@ -29,7 +29,7 @@ class Code(Enum):
     )
     LANDING_SPEED = "landing_speed", "land too fast or too slow", "the bounds in [landing]"
     LANDING_RATE = "landing_rate", "land turning too fast", "the bounds in [landing]"
-    ARRIVAL = "arrival", "land too late", "a later [target] arrival"
+    ARRIVAL = "arrival", "land too early or too late", "another [target] arrival"
     RELEASE = "release", "slide out of the pads", "a stronger grip, a shorter [gripper] opening"
     SLIP_BEFORE_OPENING = (
         "slip_before_opening",
@@ -223,12 +223,13 @@ def _landing(finding: Finding) -> str:
     return f"lands {error:.2f} mm from the target, tolerance {allowed:g} mm"
 
 
-def _bound(name: str, unit: str) -> Callable[[Finding], str]:
+def _bound(name: str, unit: str, digits: int = 2) -> Callable[[Finding], str]:
     """A value outside a lower or an upper bound."""
 
     def words(finding: Finding) -> str:
         allowed = "at least" if finding.value < finding.limit else "at most"
-        return f"{name}: {finding.value:.2f} {unit}, must be {allowed} {finding.limit:g} {unit}"
+        value = f"{finding.value:.{digits}f} {unit}"
+        return f"{name} {value}, must be {allowed} {finding.limit:g} {unit}"
 
     return words
 
@@ -277,9 +278,9 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
         f"the object falls through the target's height at only {f.value:.3f} m/s, must be at least "
         f"{f.limit:g} m/s: its landing place is uncertain"
     ),
-    Code.LANDING_SPEED: _bound("landing speed", "m/s"),
-    Code.LANDING_RATE: _bound("landing rate", "rad/s"),
-    Code.ARRIVAL: lambda f: f"arrival: lands at {f.value:.3f} s, must be at most {f.limit:g} s",
+    Code.LANDING_SPEED: _bound("landing speed:", "m/s"),
+    Code.LANDING_RATE: _bound("landing rate:", "rad/s"),
+    Code.ARRIVAL: _bound("arrival: lands at", "s", 4),
     Code.SLIP_BEFORE_OPENING: lambda f: (
         f"slips under full grip before the opening: {100 * f.value:.0f} % of the friction limit"
         f"{_at(f)}"

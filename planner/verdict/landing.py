@@ -52,8 +52,8 @@ class LimitUse(NamedTuple):
 @dataclass(frozen=True)
 class LandingStates:
     """Landings of throws, floats or arrays (N,): dx [m] and dtheta [rad] off the target; start and
-    end (6, ...) of the flight, x, z, theta and their rates; landing time [s] on the motion's clock;
-    doubt: bounds on the errors of x [m] and theta [rad]."""
+    end (6, ...) of the flight, x, z, theta and their rates; lands: landing time [s] on the motion's
+    clock, None if no limit of it counts; doubt: bounds on the errors of x [m] and theta [rad]."""
 
     dx: Any
     dtheta: Any
@@ -92,10 +92,11 @@ def landing_uses(scene: Scene, target: Pose, at: LandingStates) -> list[LimitUse
             uses.append(LimitUse(Code.LANDING_SPEED, speed, bounds.speed_max, speed_doubt))
         if bounds.rate_max is not None:
             uses.append(LimitUse(Code.LANDING_RATE, np.abs(omega), bounds.rate_max, rate_doubt))
-    latest = target.window[1]
-    if math.isfinite(latest):
-        # The landing may be one sample late.
+    if target.arrival is not None and at.lands is not None:
+        # The landing may be one sample early or late.
+        earliest, latest = target.window
         time_doubt = x_doubt / np.maximum(-v_z, FALLS)
+        uses.append(LimitUse(Code.ARRIVAL, at.lands, earliest - TICK, time_doubt, -1.0))
         uses.append(LimitUse(Code.ARRIVAL, at.lands, latest + TICK, time_doubt))
     return uses
 
@@ -129,7 +130,7 @@ def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -
     target, (x, theta, time) = scene.aim, landing.T
     at = scene.flight.after(FlightState(*detach.T), time)
     end = x, np.full(len(x), target.z), theta, at.v_x, at.v_z, at.omega
-    uses = landing_uses(scene, target, LandingStates(0.0 * x, 0.0 * x, detach.T, end, -np.inf))
+    uses = landing_uses(scene, target, LandingStates(0.0 * x, 0.0 * x, detach.T, end, None))
     good = ~np.logical_or.reduce([np.broadcast_to(use.broken, len(x)) for use in uses])
     if scene.cup is not None:
         shifted = detach.copy()

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.planner.verdict import verdict
 
 
 def moving(planner: tp.Planner, speed: float | None = None, **changes) -> tp.Plan:
@@ -66,9 +67,14 @@ def test_the_object_lands_in_time(pose_planner, arrival, plan_of) -> None:
 
 
 def test_what_cannot_be_met_says_what_binds(pose_planner) -> None:
-    plan = moving(pose_planner, 0.2, arrival=1.6)
+    for arrival in (1.5, 1.6):
+        # The arm may wait: whether the place is in reach does not depend on the time.
+        plan = moving(pose_planner, 0.2, arrival=arrival)
+        place = moving(pose_planner, x=pose_planner.scene.target.x + 0.2 * arrival)
+        assert plan.status == place.status == "out_of_reach" and "tool speed" in plan.binding
+        assert plan.to_dict()["target"]["arrival"] == arrival
+    plan = moving(pose_planner, 0.2, arrival=(1.5, 1.7))
     assert plan.status == "not_converged" and "tool speed" in plan.binding
-    assert plan.to_dict()["target"]["arrival"] == 1.6
     hurried = moving(pose_planner, arrival=0.15)
     assert hurried.status == "not_converged" and hurried.binding == ("arrival",)
     assert "land after at least about 0.4" in hurried.message
@@ -116,3 +122,41 @@ def test_a_sweep_counts_from_the_target_that_moves_on(pose_planner) -> None:
         late = plan.throw.deciding.delayed(float(values[column]))
         x = late.landing.x - -0.4 * (late.landing_time - plan.throw.landing_time)
         assert landed[0] == pytest.approx(x, abs=2e-4)
+
+
+@pytest.mark.parametrize("arrival", [1.0, 1.0538, 1.7])
+def test_a_target_that_moves_is_met_at_one_time(pose_planner, arrival) -> None:
+    """Also where the landing's time changes by half a sample as the target moves on by a whole."""
+    assert_met(moving(pose_planner, 0.4, x=1.2 - 0.4 * arrival, theta=0.0, arrival=arrival))
+
+
+def test_a_throw_may_come_neither_late_nor_early(pose_planner, tmp_path) -> None:
+    """Its delays end where it lands more than a sample from its time, by the delayed throw."""
+    loose = pose_planner.scene.changed(tolerance=tp.Tolerance(position=0.5, angle=3.0))
+    plan = tp.Planner(loose, library=False).plan(loose.target.changed(arrival=2.0))
+    assert_met(plan)
+    throw, bears = plan.throw.deciding, plan.delay.scan
+    for end in (bears.early, bears.late):
+        assert end is not None
+        last, first = (throw.delayed(share * end).landing_time for share in (0.99, 1.01))
+        assert abs(last - 2.0) <= 1e-3 < abs(first - 2.0)
+    plan.save(tmp_path, draw=False)
+    early = tp.read_plan(tmp_path).delayed(2 * bears.early)
+    assert [one.code.value for one in verdict(early, plan.target).broken] == ["arrival"]
+
+
+def test_a_quicker_throw_at_any_time_bears_delays_as_in_a_sweep(pose_planner) -> None:
+    """It is aimed at an early time of its own, which nobody asked for."""
+    loose = pose_planner.scene.changed(tolerance=tp.Tolerance(position=0.02, angle=0.3))
+    plan = tp.Planner(loose, library=False).plan(tp.Pose(2.4, 0.1, None, velocity=(-2.0,)))
+    assert plan.solved and plan.scene.aim.arrival is None
+    assert vars(plan.delay.scan) == tp.sweep(plan, samples=1).to_dict()["delay_inside"]
+
+
+def test_what_a_delay_changes_is_relative_to_the_target(plan_of) -> None:
+    plan = plan_of("conveyor")
+    throw, said = plan.throw.deciding, plan.delay.to_dict()["landing"]
+    late = throw.delayed(said["delay"])
+    way = plan.target.speed * (late.landing_time - throw.landing_time)
+    x = late.landing.x - throw.landing.x - way
+    assert said["late"]["x"] == pytest.approx(x, abs=1e-5) and abs(way) > 1e-3
