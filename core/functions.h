@@ -40,10 +40,13 @@ EXPORT void surface_steps(const release *r, int64_t steps,
                           double *nodes /* [steps + 1][7] as of `pivot_release` */
 );
 
-/* Many releases of one motion, by the limit surface or the sliding pivot; not 0 without memory. */
+/* Many releases of one motion, by the limit surface or the sliding pivot; not 0 without memory or room. */
 EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t count,
                              const double *numbers, /* [count][12] law, angle, delay, turning, opening [s] */
-                             double *detach /* [count][6] CoM's pose and twist; NaN: lost or blown up */
+                             double *detach, /* [count][6] CoM's pose and twist; not finite: blown up */
+                             double *stray,  /* [count][2] largest distance of the CoM [m] and angle [rad] from
+                                                a body that the pads hold, at the nodes */
+                             int64_t *lost   /* [count] whether the body left the pads before the end */
 );
 
 /* The motion that free numbers plan: cubics that meet in position, rate and acceleration. */

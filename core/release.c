@@ -501,7 +501,9 @@ EXPORT int64_t surface_release(const release *r, int64_t room, double *nodes)
             break;
         parts *= 2;
     }
-    for (int64_t k = 0; there && k < f.steps && count + 1 < room; k += parts / 2, count++) {
+    if (there && room < 2 * f.steps / parts + 1)
+        there = 0;
+    for (int64_t k = 0; there && k < f.steps; k += parts / 2, count++) {
         rows[count][0] = f.times[k];
         for (int i = 0; i < 6; i++)
             rows[count][1 + i] = 2.0 * f.states[k][i][0] - f.halved[k][i];
@@ -549,17 +551,31 @@ EXPORT void surface_steps(const release *r, int64_t steps, double *nodes)
     }
 }
 
-EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t count, const double *numbers,
-                             double *detach)
+/* Largest distance of the CoM [m] and angle [rad] at the nodes from a body that the pads hold. */
+static void strayed(const release *r, int64_t count, double (*rows)[7], double stray[2])
 {
-    const int64_t room = 4096;
-    double *rows = malloc(sizeof(double[7]) * (size_t)room), onset[2];
+    run k = {.r = r};
+    double hand[9][1];
+    stray[0] = stray[1] = 0.0;
+    for (int64_t n = 0; n < count; n++) {
+        hand_at(&k, rows[n][0], hand);
+        double held = hand[2][0] + r->angle, h = r->law[2];
+        stray[0] = fmax(stray[0], hypot(rows[n][1] - hand[0][0] - h * cos(held),
+                                        rows[n][2] - hand[1][0] - h * sin(held)));
+        stray[1] = fmax(stray[1], fabs(rows[n][3] - held));
+    }
+}
+
+EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t count, const double *numbers,
+                             double *detach, double *stray, int64_t *lost)
+{
+    const int64_t room = 4096 + 2 * shared->motion->corners;
+    double (*rows)[7] = malloc(sizeof *rows * (size_t)room), onset[2];
     if (!rows)
         return 1;
     for (int64_t k = 0; k < count; k++) {
         release r = *shared;
         const double *n = numbers + 12 * k;
-        int64_t lost = 0;
         for (int i = 0; i < 8; i++)
             r.law[i] = n[i];
         r.angle = n[8];
@@ -567,10 +583,16 @@ EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t co
         r.turning = n[10];
         r.grip.stretch = n[11] / shared->grip.opening;
         r.grip.opening = n[11];
-        int64_t nodes = surfaces ? surface_release(&r, room, rows)
-                              : pivot_release(&r, 0, room, rows, NULL, onset, &lost);
+        lost[k] = 0;
+        int64_t nodes = surfaces ? surface_release(&r, room, rows[0])
+                              : pivot_release(&r, 0, room, rows[0], NULL, onset, lost + k);
+        if (!nodes) {
+            free(rows);
+            return 1;
+        }
         for (int i = 0; i < 6; i++)
-            detach[6 * k + i] = nodes > 0 && !lost ? rows[7 * (nodes - 1) + 1 + i] : NAN;
+            detach[6 * k + i] = rows[nodes - 1][1 + i];
+        strayed(&r, nodes, rows, stray + 2 * k);
     }
     free(rows);
     return 0;

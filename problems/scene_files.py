@@ -13,6 +13,7 @@ from .arms import arm_from, load_arm, load_gripper
 from .checks import InputError, Mistakes, check_arguments, checked, within
 from .files import read_csv, shipped, shipped_text, text_of, toml_tables
 from .grip import held_object
+from .meshes import covered_mesh
 from .poses import Region
 from .scene import MOVERS, SECTIONS, TOP_KEYS, Scene
 from .section import from_table, hints_of, rows_from, table_of, unknown
@@ -114,7 +115,10 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
         if key == "target" and list in {type(value.get("x")), type(value.get("theta_deg"))}:
             return from_table(Region, value)
         if key == "object":
-            return held_object(_with_mesh(value, folder))
+            thrown = held_object(_with_mesh(value, folder))
+            if thrown.mesh is not None and folder is not None:
+                covered_mesh(thrown)
+            return thrown
         return from_table(SECTIONS[key], value)
 
 

@@ -267,6 +267,8 @@ class Rest(Section):
         if self.on is not None and self.on not in named:
             known = f"; obstacles: {', '.join(named)}" if named else ": the scene has none"
             raise InputError(f"on = {self.on!r}: must name an [[obstacle]]{known}")
+        if self.on is not None and sum(one.name == self.on for one in obstacles) > 1:
+            raise InputError(f"on = {self.on!r}: several [[obstacle]]s have this name: must be one")
         if self.on is not None and (named[self.on].kind != "box" or named[self.on].pitch):
             raise InputError(f"on = {self.on!r}: must be a box without pitch_deg")
 

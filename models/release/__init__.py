@@ -7,8 +7,8 @@ from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase
 from .grip import GripProfile, LinearGrip, TableGrip
 from .integrators import (
     compiled_release,
-    exact_detaches,
     exact_pivot_release,
+    exact_releases,
     exact_surface_release,
     relative_states,
     rk4_step,

@@ -208,15 +208,13 @@ class BatchRelease(ReadOnly):
 
     detach (N, 6): CoM pose and twist at the end of the opening, NaN for a failed one, with the
     reason in `why_not`. lost (N,): the body slid out of the pads before. stray (N, 2): largest
-    distance of the CoM [m] and the angle [rad] from a held body; doubt (N, 6): difference of the
-    detach state between two numbers of steps. None for a model without them.
+    distance of the CoM [m] and the angle [rad] from a held body, None for a model without it.
     """
 
     detach: Array
     lost: Flags
     why_not: str = BLEW_UP
     stray: Array | None = None
-    doubt: Array | None = None
 
     @property
     def trouble(self) -> npt.NDArray[np.object_]:
@@ -235,16 +233,12 @@ class BatchRelease(ReadOnly):
             return None if any(value is None for value in values) else np.concatenate(values)
 
         why_not = parts[0].why_not
-        return BatchRelease(
-            all_of("detach"), all_of("lost"), why_not, all_of("stray"), all_of("doubt")
-        )
+        return BatchRelease(all_of("detach"), all_of("lost"), why_not, all_of("stray"))
 
     def part(self, throws: Throws) -> BatchRelease:
         """The releases of the given throws."""
-        stray, doubt = (
-            None if value is None else value[throws] for value in (self.stray, self.doubt)
-        )
-        return BatchRelease(self.detach[throws], self.lost[throws], self.why_not, stray, doubt)
+        stray = None if self.stray is None else self.stray[throws]
+        return BatchRelease(self.detach[throws], self.lost[throws], self.why_not, stray)
 
 
 def chunks(count: int, size: int) -> Iterator[Throws]:

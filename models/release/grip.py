@@ -6,6 +6,7 @@ A law is a `GripProfile` with `full`, `dwell`, `opening` and `force(time)`; `Gri
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -92,6 +93,12 @@ class TableGrip(GripProfile):
         """f_N [N] at `time` [s] after the start of the fall."""
         force = self.curve(np.clip(np.asarray(time, float), 0.0, self.opening))
         return np.asarray(np.maximum(force, 0.0))
+
+    def delayed(self, delay: float) -> TableGrip:
+        """The same force, which falls later by `delay` [s]."""
+        found = copy.copy(self)
+        found.dwell = self.dwell + delay
+        return found
 
     @classmethod
     def from_recording(cls, times: Array, forces: Array) -> TableGrip:

@@ -21,6 +21,8 @@ from ..trajectory import MovedHand, Throws, Trajectory
 from .cases import LOST_SLIP, BatchRelease, Release, ReleaseBatch, ReleaseCase, chunks
 from .grip import GripProfile
 
+#: Throws of a batch from which threads share it.
+PARALLEL = 64
 Rates = Callable[[Value, HandMotion, Value], list[Value]]
 #: Values at start, middle and end of a step.
 Triple = Sequence[Value] | Array
@@ -174,24 +176,39 @@ def exact_surface_release(case: ReleaseCase) -> Release:
     return Release.from_nodes(rows[:count])
 
 
-def exact_detaches(
+def exact_releases(
     case: ReleaseCase, batch: ReleaseBatch, delays: Array, *, surface: bool
-) -> Array:
-    """Detach states (N, 6) of a batch on a case's motion, by the time-stepping limit surface or the
-    sliding pivot; NaN for an unreliable one.
+) -> BatchRelease:
+    """The releases of a batch on a case's motion, each by the time-stepping limit surface or the
+    sliding pivot as a single one.
 
-    The batch's hands are ignored; delays (N,) [s]: of its openings after the case's.
+    The batch's hands are ignored; delays (N,) [s]: of its openings after the case's. Threads share
+    the work: compiled code releases Python's lock.
     """
     turning = 0.0 if batch.hands.drift is None else batch.hands.drift[2]
     angle, delays_total = batch.grasp_angle, float(_path(case).delays) + delays
     values = (*law_numbers(batch), angle, delays_total, turning, batch.opening)
     numbers = np.column_stack([np.broadcast_to(value, batch.count) for value in values])
-    numbers, detaches = np.ascontiguousarray(numbers), np.empty((batch.count, 6))
-    if library().many_releases(
-        compiled_release(case), int(surface), batch.count, numbers, detaches
-    ):
-        raise MemoryError
-    return detaches
+    detach, stray = np.empty((batch.count, 6)), np.empty((batch.count, 2))
+    lost = np.empty(batch.count, np.int64)
+    shared = compiled_release(case)
+
+    def throw(throws: Throws) -> None:
+        part = slice(int(throws[0]), int(throws[-1]) + 1)
+        rows = np.ascontiguousarray(numbers[part], float)
+        found = detach[part], stray[part], lost[part]
+        if library().many_releases(shared, int(surface), len(rows), rows, *found):
+            raise MemoryError
+
+    count = threads() if batch.count >= PARALLEL else 1
+    pieces = list(chunks(batch.count, -(-batch.count // count) or 1))
+    if count == 1:
+        for piece in pieces:
+            throw(piece)
+    else:
+        with ThreadPoolExecutor(count) as pool:
+            list(pool.map(throw, pieces))
+    return BatchRelease(detach, lost > 0, stray=stray)
 
 
 def relative_states(case: ReleaseCase, nodes: Array) -> Array:
@@ -217,7 +234,7 @@ def _nodes(case: ReleaseCase, steps: int = 512) -> Array:
     kinks = path.kinks - path.delays
     inside = np.count_nonzero((kinks > 0.0) & (kinks < case.grip.opening))
     # Events cut at most 200 steps in two.
-    return np.empty((steps + 256 + inside, 7))
+    return np.empty((steps + 256 + 2 * inside, 7))
 
 
 def compiled_release(case: ReleaseCase) -> ReleaseC:

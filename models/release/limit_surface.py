@@ -224,9 +224,8 @@ class SteppedRelease:
 
         def extrapolated(part: ReleaseBatch, factor: int) -> BatchRelease:
             coarse, fine = stepped(part, steps * factor), stepped(part, 2 * steps * factor)
-            doubt = np.abs(fine.detach - coarse.detach)
             detach = 2 * fine.detach - coarse.detach
-            return BatchRelease(detach, fine.lost, stray=fine.stray, doubt=doubt)
+            return BatchRelease(detach, fine.lost, stray=fine.stray)
 
         return by_levels(batch, extrapolated)
 

@@ -28,10 +28,9 @@ class ReleaseModel:
 
     name: key in commands and scenes; title: in text; law: its friction; method: its solution;
     colour: in pictures; model: for one case, and, if it has batches, for N. steps: of an opening in
-    a batch; fit_steps: in fits, which repeat throws hundreds of times;
-    sweep_steps: from coarse to fine, a sweep takes the first with enough accuracy; 0 and none: the
-    model's own. chunk: throws of a sweep in some tenths of a second. nonconvergent: its result does
-    not settle with its steps, so that it has neither sweeps nor derivatives; decides: a scene's
+    a batch; fit_steps: in fits, which repeat throws hundreds of times; 0: the model's own. chunk:
+    throws of a sweep in some tenths of a second. nonconvergent: its result does not settle with its
+    steps, so that it has neither sweeps nor derivatives; decides: a scene's
     tolerance may ask for it, and the core throws it exactly (`EXACT` in planner/throw).
     """
 
@@ -44,7 +43,6 @@ class ReleaseModel:
     batches: bool = True
     steps: int = 0
     fit_steps: int = 0
-    sweep_steps: tuple[int, ...] = ()
     chunk: int = 64
     nonconvergent: bool = False
     decides: bool = False
@@ -101,7 +99,6 @@ MODELS = {
             "#e0912f",
             SlidingPivotRelease(),
             steps=48,
-            sweep_steps=(64, 128, 256),
             chunk=8192,
             decides=True,
         ),
@@ -154,7 +151,6 @@ MODELS = {
             "#4c78a8",
             SteppedRelease(),
             steps=120,
-            sweep_steps=(120, 240, 480),
             chunk=8192,
             decides=True,
         ),

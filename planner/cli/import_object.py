@@ -28,7 +28,7 @@ def arguments(add: Add) -> None:
     words = "the sections [object] and [grasp]; the mesh in the object's frame goes beside it"
     add("--out", required=True, metavar="FILE.toml", help=words)
     add("--force", action="store_true", help="overwrite existing files")
-    form, point = ("X", "Y", "Z"), {"nargs": 3, "type": number()}
+    form, point = ("X", "Y", "Z"), {"nargs": 3, "type": number(-1e6, 1e6)}
     words = "the pads' centre, in the mesh's frame and unit"
     add("--grasp", required=True, metavar=form, help=words, **point)
     add("--mass", type=number(1e-9), metavar="KG", help="mass; this or --density")

@@ -219,7 +219,7 @@ class Cycle(ReadOnly):
                 "duration": self.duration,
                 "per_object": self.duration / count if count else math.nan,
                 "with_stops": self.stops,
-                "ratio": self.duration / self.stops,
+                "ratio": self.duration / self.stops if math.isfinite(self.stops) else math.nan,
                 "order": self.order,
                 "steps": each,
                 "findings": [finding.to_dict() for finding in self.verdict.findings],

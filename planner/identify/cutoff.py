@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models import Array
+from ...problems import InputError
 from ...problems.throws import ThrowData
 from .fit import FitProblem
 
@@ -42,10 +43,10 @@ class CutoffEffect:
         """The same as a line."""
         others = ", ".join(f"{1e3 * mu_r:.4g} mm at {at:.0f} Hz" for at, mu_r in self.beside)
         origin = "the nearest landings" if self.chosen else "given"
-        return (
-            f"recorded joints low-passed, cutoff {self.cutoff:.0f} Hz ({origin}): mu r_p {others}; "
-            "included in +-"
+        effect = (
+            f"mu r_p {others}; included in +-" if others else "at this rate no other is possible"
         )
+        return f"recorded joints low-passed, cutoff {self.cutoff:.0f} Hz ({origin}): {effect}"
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,11 @@ def fit_at_cutoff(data: ThrowData, fit_problem: Callable[[float | None], FitProb
     rate = min(1.0 / float(np.median(np.diff(throw.times))) for throw in data.throws)
     ladder = CUTOFFS if given is None else (given / FACTOR, given, FACTOR * given)
     cutoffs = [one for one in ladder if one < HIGHEST * rate or one == given]
+    if not cutoffs:
+        raise InputError(
+            f"{data.name}: joints are recorded at {rate:.3g} Hz: must be at least "
+            f"{CUTOFFS[0] / HIGHEST:.0f} Hz"
+        )
     place = min(FIRST, len(cutoffs) - 1) if given is None else cutoffs.index(given)
     fits: dict[int, tuple[FitProblem, Array, float]] = {}
     start: Array | None = None

@@ -178,9 +178,11 @@ class PlayPage:
         return tuple(control.value for control in self.place)
 
     def _read_arrows(self) -> None:
+        # Each change of a control moves the arrows to all controls: these are as before the first.
+        dragged = tuple(float(value) for value in self.arrows.position)
         with self._lock:
-            for control, value in zip(self.place, self.arrows.position, strict=True):
-                control.value = float(value)
+            for control, value in zip(self.place, dragged, strict=True):
+                control.value = value
 
     def _update(self) -> None:
         """The user or the page changed a control."""

@@ -131,7 +131,7 @@ def add_object(spec: Any, bar: ThrownObject, name: str = "bar") -> list[str]:
         flying.add_geom(name=name, type=kinds.mjGEOM_BOX, size=size, pos=[middle, 0, 0])
         return [name]
     if bar.mesh is not None:
-        hulls = mesh_parts(read_stl(Path(bar.mesh)), bar, bar.mesh)
+        hulls = mesh_parts(read_stl(Path(bar.mesh)), bar)
         for number, points in enumerate(hulls):
             part = f"{number} {name}"
             mesh = spec.add_mesh(name=part, uservert=(points - [bar.com, 0, 0]).ravel())

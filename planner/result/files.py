@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...models import Array, ReadOnly
+from ...models import Array, ReadOnly, Trajectory
 from ...models.robot import PlanarArm
 from ...problems import InputError, check_arguments
 from ...problems.files import read_csv, read_json
@@ -23,6 +23,8 @@ from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
 Status = Literal["solved", "out_of_reach", "not_converged"]
 #: Version of plan.json; `read_plan` refuses other versions.
 FORMAT = 1
+#: Largest difference [m, rad] of samples in motion.csv from the planned motion of a free hand.
+SAME_MOTION = 1e-6
 #: Columns of a free hand's motion.csv: poses, velocities, accelerations.
 HAND_COLUMNS = (("x", "z", "theta"), ("vx", "vz", "omega"), ("ax", "az", "alpha"))
 #: Files of a plan's folder.
@@ -112,16 +114,41 @@ def read_plan(path: str | Path) -> SavedThrow:
         opening_time = float(plan["release"]["opening_time"])
     manipulator = make_manipulator(scene)
     samples = read_samples(path.parent / "motion.csv", _columns(manipulator))
+    motion = samples.path
+    if scene.robot is None:
+        with complete(path, "is not a complete plan file"):
+            motion = _planned_motion(plan["motion"], samples)
     end = float(samples.times[-1])
     if not 0.0 <= opening_time <= end:
         raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
     words = {key: str(plan.get(key, "")) for key in ("status", "message")}
     robust = plan.get("robust")
     words["robust"] = str(robust.get("method", "")) if isinstance(robust, dict) else ""
-    throw = SavedThrow(scene, manipulator, samples.path, opening_time, samples, **words)  # type: ignore[arg-type]
+    throw = SavedThrow(scene, manipulator, motion, opening_time, samples, **words)  # type: ignore[arg-type]
     if scene.target is None or scene.target.velocity is None:
         return throw
     return dataclasses.replace(throw, scene=scene.aimed_at(scene.target.at(throw.landing_time)))
+
+
+def motion_entries(motion: Trajectory) -> dict[str, Any]:
+    """A free hand's planned motion as JSON: its pieces, highest power first, by axis."""
+    pieces = motion.coefficients[..., 0]
+    return {"breaks": motion.breaks, "coefficients": pieces, "kinks": motion.kinks}
+
+
+def _planned_motion(entries: dict[str, Any], samples: Samples) -> Trajectory:
+    """The motion of `motion_entries`; InputError unless the samples are of it."""
+    breaks, pieces, kinks = (
+        np.array(entries[k], float) for k in ("breaks", "coefficients", "kinks")
+    )
+    if pieces.shape[1:] != (samples.q.shape[1], len(breaks) - 1) or not (np.diff(breaks) > 0).all():
+        raise ValueError
+    motion = Trajectory(breaks, pieces[..., None], kinks)
+    times = samples.times[samples.times <= motion.end]
+    off = np.abs(motion.at(times).pose.T - samples.q[: len(times)])
+    if not off.max(initial=0.0) <= SAME_MOTION:
+        raise InputError("motion: is not that of motion.csv")
+    return motion
 
 
 @contextmanager

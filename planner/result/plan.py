@@ -24,7 +24,17 @@ from ..verdict import (
     drop_words,
     verdict,
 )
-from .files import FILES, FORMAT, PlanPath, SavedThrow, Status, path_of, read_plan, write_motion
+from .files import (
+    FILES,
+    FORMAT,
+    PlanPath,
+    SavedThrow,
+    Status,
+    motion_entries,
+    path_of,
+    read_plan,
+    write_motion,
+)
 from .planned_throw import PLAIN, PlannedThrow
 
 if TYPE_CHECKING:
@@ -165,6 +175,8 @@ class Plan:
         throw, arm = self.throw, self.scene.arm
         if throw is not None:
             more["decides"] = throw.decides
+            if self.scene.robot is None:
+                more["motion"] = plain(motion_entries(throw.deciding.path))
         more["findings"] = [finding.to_dict() for finding in self.verdict.findings]
         if self.verdict.warnings:
             more["warning"] = "; ".join(finding.words for finding in self.verdict.warnings)

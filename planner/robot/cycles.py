@@ -162,10 +162,11 @@ def _object_replay(
     times, com = states[:, 0], plane_poses(states, theta)
     flying = times >= throw.detach_time
     landing, landed = landing_of(SimulatedFlight(times[flying], com[:, flying]), throw.target.z)
-    touched, rest = motion.touched["flying"], None
+    touched, rest, own = motion.touched["flying"], None, f" of {step.bin}"
     if scene.cup is not None:
         at_rest = bool(is_still(states[-round(0.1 / TICK) :]))
-        walls = [at - begin for name, at in touched.items() if name.startswith(CUP_WALL)]
+        wall_name = CUP_WALL + own
+        walls = [at - begin for name, at in touched.items() if name == wall_name]
         flown, wall = states[flying], min(walls, default=math.inf)
         rest = end_in_cup(scene, scene.cup, flown, wall, at_rest, com[2, flying][0])
     elif math.isfinite(landed):
@@ -177,7 +178,9 @@ def _object_replay(
     collisions["flying"] = tuple(
         name
         for name, at in touched.items()
-        if not name.startswith(("cup ", "floor")) and not at - begin > landed
+        if not name.startswith("floor")
+        and not (name.startswith("cup ") and name.endswith(own))
+        and not at - begin > landed
     )
     return ObjectReplay(
         throw,

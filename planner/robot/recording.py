@@ -7,7 +7,7 @@ so the low-pass is for the residuals of the fitted response only.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,10 @@ from .motions import JointMotion
 CUTOFF = 60.0
 #: An arm is at rest if every joint is slower than this [rad/s].
 REST_RATE = 0.02
+#: Largest time [s] of the first row, before or after the start of the motion.
+EARLIEST = 60.0
+#: Largest time [s] between two rows: joints are interpolated.
+GAP = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +93,11 @@ class Recording(ReadOnly):
                 f"({speeds.max():.2f} rad/s), before the object lands ({throw.landing_time:.3f} "
                 "s): record until the arm rests, or until the landing"
             )
-        return throw
+        if not plan.target.speed or not throw.lands:
+            return throw
+        # A target that moves is elsewhere when the measured throw lands.
+        there = plan.target.at(throw.landing_time)
+        return replace(throw, scene=plan.scene.aimed_at(there))
 
     def throwing(self, plan: Throw) -> tuple[Array, Array, Array]:
         """Times (N,) [s] every millisecond, and the throwing joints measured and sent, each (N, n).
@@ -127,7 +135,8 @@ class Recording(ReadOnly):
         landing in the base frame; error.position is the distance from the target at its height,
         also across the throw's plane. Both are None if the object never lands.
         """
-        throw, target = self.throw(plan), plan.target
+        throw = self.throw(plan)
+        target = throw.target
         found: dict[str, Any] = {"landing": None, "error": None}
         if throw.lands:
             arm, (x, z, theta) = plan.scene.arm, throw.landing.pose
@@ -149,8 +158,8 @@ class Recording(ReadOnly):
     ) -> tuple[Finding, ...]:
         """The limits that the measured throw breaks.
 
-        A measured throw may use up the clearances of its plan, as in a sweep. Torques and speeds
-        are judged on what was sent: recorded joints are too noisy to differentiate.
+        A measured throw may use up the clearances of its plan, as in a sweep. Limits of joints are
+        judged on the plan's motion: recorded joints are too noisy to differentiate.
         """
         bare = throw.in_scene(throw.scene.without_clearances())
         noisy = Code.TORQUE, Code.TORQUE_RATE, Code.TOOL_SPEED
@@ -205,6 +214,16 @@ def read_recording(path: str | Path, motion: JointMotion) -> Recording:
     step = float(np.median(np.diff(rows[:, 0])))
     if not TICK / 2 < step < 2 * TICK:
         raise InputError(f"{path}: t rises by {step:.3g} s a row, must rise by {TICK:g} s mostly")
+    if abs(rows[0, 0]) > EARLIEST:
+        raise InputError(
+            f"{path}: t begins at {rows[0, 0]:g} s: must count from the start of the motion"
+        )
+    gap = int(np.diff(rows[:, 0]).argmax())
+    if rows[gap + 1, 0] - rows[gap, 0] > GAP:
+        raise InputError(
+            f"{path}: no row from t = {rows[gap, 0]:g} to {rows[gap + 1, 0]:g} s: must be at most "
+            f"{GAP:g} s"
+        )
     q, dq, sent = np.split(rows[:, 1:-2], 3, axis=1)
     command = float(rows[0, 0] - rows[0, -1])
     if command < rows[0, 0] - TICK:

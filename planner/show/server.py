@@ -189,11 +189,13 @@ class Panel(Player):
     def change(self, throw: SpaceThrow) -> None:
         """Show another throw of the scene, at its opening or at the current time of playback."""
         with self._lock:
+            # The slider goes to its own time when it is set.
+            time = self.time if self.playing else throw.throw.opening_time
             self.throw, self.end = throw, float(throw.line.times[-1])
             self.view.change(throw)
             self.slider.value, self.slider.max = 0, round(1e3 * self.end)
             self.legend.content = _legend(throw.shown_phases())
-            self.go(self.time if self.playing else throw.throw.opening_time)
+            self.go(time)
 
     def show(self, time: float) -> str:
         """Move the view to `time` [s]; its phase."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -12,7 +11,7 @@ import numpy as np
 
 from ...models import Array, Indices
 from ...models.robot import Arm, DHRow, placement
-from ...problems.meshes import read_stl
+from ...problems.meshes import covered_mesh
 from .style import ARM, BLACK, PHASES
 from .view_throw import SpaceThrow
 
@@ -344,7 +343,7 @@ def object_mesh(thrown: ThrownObject) -> tuple[Array, Indices]:
     In the frame of its CoM that pictures use: along the axis, up, and to its right.
     """
     if thrown.mesh is not None:
-        points = read_stl(Path(thrown.mesh)).reshape(-1, 3)
+        points = covered_mesh(thrown).reshape(-1, 3)
     else:
         points = np.concatenate([_capsule(row) for row in thrown.capsules])
     points = points - [thrown.com, 0.0, 0.0]

@@ -303,8 +303,7 @@ def draw_delay(sweep: Sweep, path: Path) -> None:
             axes.axhline(0.0, color=GREEN, lw=0.8)
         _band(axes, 1e3 * delays, values, bool(set(names) - {"delay"}))
         axes.axvline(0.0, color=GREY, lw=0.8, ls=":")
-        # A slip before the opening is a failure.
-        words: str | None = "first delay that fails (landing or slip before the opening)"
+        words: str | None = "largest delay that succeeds"
         for end in (sweep.delays.early, sweep.delays.late):
             if end is not None and limits[0] <= end <= limits[1]:
                 axes.axvline(1e3 * end, color=RED, lw=1.0, ls="--", label=words)
@@ -342,13 +341,16 @@ def _band(axes: Axes, x: Array, values: Array, others: bool) -> None:
 def draw_tornado(sweep: Sweep, path: Path) -> None:
     """Change of the landing by each parameter alone, from its 5 to its 95 % quantile."""
     poses, names = swings(sweep.batch, sweep.sampler), sweep.sampler.names
-    change = np.nan_to_num(poses[:, :, :2] - sweep.nominal.pose[0, :2])
+    change = poses[:, :, :2] - sweep.nominal.pose[0, :2]
+    # A throw that never lands is an infinite change.
+    size = np.nan_to_num(change, nan=np.inf)
     title = _title(sweep, "each parameter alone; % of the landing's variance")
     figure = new_figure(12, 1.8 + 0.42 * len(names), title)
     each = figure.subplots(1, 2)
     parts = (("x [mm]", 1e3), ("θ [deg]", math.degrees(1.0)))
     for column, (axes, (label, factor)) in enumerate(zip(each, parts, strict=True)):
-        order = np.argsort(np.ptp(np.pad(change[:, :, column], ((0, 0), (0, 1))), axis=1))
+        low, high = (part(size[:, :, column], axis=1, initial=0.0) for part in (np.min, np.max))
+        order = np.argsort(high - low)
         for row, i in enumerate(order):
             share = 100 * sweep.shares[names[i]][column]
             _swing(axes, row, factor * change[i, :, column], f"{share:.0f} %")
@@ -368,8 +370,11 @@ def draw_tornado(sweep: Sweep, path: Path) -> None:
 def _swing(axes: Axes, row: int, ends: Array, words: str) -> None:
     # Bars side by side: both changes may have equal signs.
     for end, place, colour in zip(ends, (row + 0.17, row - 0.17), (BLUE, RED), strict=True):
-        axes.barh(place, end, color=colour, height=0.34, zorder=2)
-    right = max(float(ends.max()), 0.0)
+        if math.isfinite(end):
+            axes.barh(place, end, color=colour, height=0.34, zorder=2)
+        else:
+            axes.text(0.0, place, " no landing ", color=colour, fontsize=8, ha="right", va="center")
+    right = max(float(np.nanmax(ends, initial=0.0)), 0.0)
     offset: dict[str, Any] = {"xytext": (5, 0), "textcoords": "offset points", "va": "center"}
     axes.annotate(words, (right, row), fontsize=9, **offset)
 

@@ -189,7 +189,9 @@ def with_reserves(scene: Scene) -> Scene:
     h = value["com_offset"] - value["grasp_offset"] + own["grasp_offset"]
     pads = own["friction"] / value["friction"]
     heavy = value["mass"] / own["mass"]
-    levers = [value["inertia"] / own["inertia"]]
+    # Against turning, the moment of inertia about the pads, and the weight's lever.
+    about_pads = value["inertia"] + value["mass"] * h**2
+    levers = [about_pads / (own["inertia"] + own["mass"] * own["com_offset"] ** 2)]
     if own["com_offset"] > 0.0:
         levers.append(heavy * np.abs(h) / own["com_offset"])
     turning = np.max(levers, axis=0) * own["patch_radius"] / value["patch_radius"]
@@ -205,7 +207,7 @@ def with_reserves(scene: Scene) -> Scene:
     room = scene.workspace
     wider = {
         name: getattr(room, name) + off
-        for name in ("floor", "column_radius", "palm_clearance")
+        for name in ("floor", "column_radius", "column_height", "palm_clearance")
         if getattr(room, name) is not None
     }
     return scene.changed(workspace=room.changed(**wider))

@@ -32,10 +32,6 @@ SAMPLES = 1000
 SEED = 0
 #: Most samples that are followed until the object rests, 10 ms each.
 RESTED = 256
-#: Number of throws in the choice of the number of steps.
-PROBES = 64
-#: Error of the chosen steps in 95 % of the probes, as a share of the tolerance.
-STEP_ERROR = 0.1
 
 
 @check_arguments
@@ -117,25 +113,7 @@ def judge_of(plan: Plan, model: str, sampler: Sampler) -> Judge:
     reach = min(-FURTHEST, early), max(FURTHEST, late), longest
     throw = replace(plan.throw.deciding, scene=plan.scene.aimed_at(plan.goal))
     batch = ThrowBatch.of(throw, plan.goal, sampler.names, reach, model)
-    return Judge.of_success(_with_steps(batch, sampler))
-
-
-def _with_steps(batch: ThrowBatch, sampler: Sampler) -> ThrowBatch:
-    """The batch with the coarsest steps that are accurate to `STEP_ERROR`."""
-    tolerance = batch.scene.tolerance
-    probes = np.vstack([batch.nominal(), sampler.draw(0, PROBES - 1)])
-    coarse, poses = batch, None
-    for steps in MODELS[batch.model].sweep_steps:
-        fine = replace(batch, steps=steps)
-        fine_poses = fine.fly(probes).pose[:, :2]
-        if poses is not None:
-            change = np.abs(fine_poses - poses) / (tolerance.position, tolerance.angle)
-            if batch.throw.target.theta is None:
-                change = change[:, :1]
-            if np.quantile(np.nan_to_num(change.max(axis=1)), 0.95) <= STEP_ERROR:
-                return coarse
-        coarse, poses = fine, fine_poses
-    return coarse
+    return Judge.of_success(batch)
 
 
 #: Numbers (N,) of samples in the sequence, their parameters (N, P), and their verdicts.

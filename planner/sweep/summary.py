@@ -8,6 +8,7 @@ from typing import Any
 from ...models.release import MODELS
 from ...problems import Distribution, Uncertainty
 from ..result import Plan
+from ..uncertainty import DelayScan
 from ..verdict import Code
 
 #: Errors in the table by their JSON key: label, unit, factor from SI, definition.
@@ -59,14 +60,10 @@ def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
         row = "".join(_cell(value, scale, 10, ".3f") for value in quantiles[name].values())
         lines.append(f"    {title + ' [' + unit + ']':15}{row}{note}")
     lines += _sensitivities(result["sensitivity"])
-    inside = result["delay_inside"]
-    early, late = (_delay(inside["early"], "-50"), _delay(inside["late"], "+50"))
     mean = 1e3 * plan.scene.mean_delay
-    about = f" beyond the mean of {mean:g} ms" if mean else ""
-    lines.append(
-        f"  delays from {early} to {late}{about} succeed with all else as planned; "
-        f"{result['time']:.1f} s"
-    )
+    about = f" of the mean of {mean:g} ms" if mean else ""
+    inside = DelayScan(**result["delay_inside"]).words
+    lines.append(f"  it succeeds {inside}{about}, all else as planned; {result['time']:.1f} s")
     return "\n".join(lines)
 
 
@@ -93,10 +90,6 @@ def _percent(rate: dict[str, float]) -> str:
 def _cell(value: float | None, scale: float, width: int, form: str) -> str:
     """A number for the table, a dash for None."""
     return f"{'-' if value is None else format(scale * value, form):>{width}}"
-
-
-def _delay(value: float | None, beyond: str) -> str:
-    return f"beyond {beyond} ms" if value is None else f"{1e3 * value:+.2f} ms"
 
 
 def _words_of(section: Uncertainty) -> list[str]:

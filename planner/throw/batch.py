@@ -7,11 +7,11 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
-from ...models import Array, Body, FlightState, Indices, ReadOnly, Trajectory
-from ...models.release import MODELS, STEPPED_SURFACE, BatchRelease, ReleaseBatch, exact_detaches
+from ...models import Array, Body, FlightState, ReadOnly, Trajectory
+from ...models.release import MODELS, STEPPED_SURFACE, BatchRelease, ReleaseBatch, exact_releases
 from ...problems import Pose, Scene
 from .manipulator import HandError
-from .throw import Throw
+from .throw import EXACT, Throw
 
 #: Longest cell [s] of the hand's tabulated motion.
 CELL = 1e-4
@@ -61,7 +61,7 @@ class ThrowBatch:
     throw: with the scene's own values, by the deciding model, its scene aimed at the target's pose
     at the landing; target: the plan's, which may move. hands: the hand's motion, with time 0 at the
     planned opening; reach [s]: the earliest and the latest opening on that clock, and its longest
-    duration. steps: over the opening, 0 for the model's own number.
+    duration.
     """
 
     throw: Throw
@@ -70,7 +70,6 @@ class ThrowBatch:
     names: tuple[str, ...]
     hands: Trajectory
     reach: tuple[float, float, float]
-    steps: int = 0
 
     @classmethod
     def of(
@@ -109,17 +108,17 @@ class ThrowBatch:
         return columns | dict(zip(self.names, values.T, strict=True))
 
     def fly(self, values: Array) -> BatchFlights:
-        """N throws: values (N, P) of the parameters, columns as `names`, SI units."""
-        columns = self.columns(values)
-        return self._flights(columns, MODELS[self.model].throw(self.releases(columns), self.steps))
+        """N throws: values (N, P) of the parameters, columns as `names`, SI units.
 
-    def exactly(self, flights: BatchFlights, which: Indices) -> BatchFlights:
-        """Flights `which`, with releases by the model's exact form instead of its steps."""
-        columns = {name: column[which] for name, column in flights.columns.items()}
-        batch, late = self.releases(columns), flights.late[which]
-        surface = self.model == STEPPED_SURFACE
-        found = exact_detaches(self.throw.case, batch, late, surface=surface)
-        release = replace(flights.release.part(which), detach=found, doubt=None)
+        Each is released as a throw by itself, if the core throws the model exactly.
+        """
+        columns = self.columns(values)
+        batch, late = self.releases(columns), columns["delay"] - self.scene.mean_delay
+        if self.model in EXACT:
+            surface = self.model == STEPPED_SURFACE
+            release = exact_releases(self.throw.case, batch, late, surface=surface)
+        else:
+            release = MODELS[self.model].throw(batch)
         return self._flights(columns, release)
 
     def _flights(self, columns: dict[str, Array], release: BatchRelease) -> BatchFlights:

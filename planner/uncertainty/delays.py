@@ -33,6 +33,13 @@ class DelayScan:
     early: float | None
     late: float | None
 
+    @property
+    def words(self) -> str:
+        """The delays within which the throw succeeds, as text."""
+        if self.early == self.late == 0.0:
+            return "at no delay: it fails as planned"
+        return f"up to {_borne(self.early)} early and {_borne(self.late)} late"
+
 
 def scan_delays(judge: Judge) -> DelayScan:
     """Finds the first failure on either side; all other parameters have their planned values."""
@@ -103,9 +110,8 @@ class DelayTolerance:
         return (
             f"the gripper's delay is not measured: {1e3 * SAID:g} ms early the object "
             f"{_moved(*self.early)},\n        {1e3 * SAID:g} ms late it {_moved(*self.late)}; "
-            f"the throw succeeds up to {_borne(self.scan.early)} early\n        and "
-            f"{_borne(self.scan.late)} late. Measure the delay for [uncertainty] (throwplan "
-            "measure-gripper,\n        or identify --delay on measured throws)"
+            f"the throw succeeds {self.scan.words}.\n        Measure the delay for [uncertainty] "
+            "(throwplan measure-gripper, or identify --delay on measured throws)"
         )
 
     def to_dict(self) -> dict[str, Any]:

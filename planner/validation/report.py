@@ -149,7 +149,7 @@ def head(found: Validation) -> list[str]:
     kinds = len({found.conditions[i] for i in found.batch})
     lines = [f"{data.name}: {len(found.batch)} throws of {kinds} conditions"]
     if apart:
-        lines[0] += f", and {apart} that vary one factor"
+        lines[0] += f", and {apart} others (another set, or another surface)"
     if data.shared.synthetic:
         words = data.shared.synthetic.rstrip(".")
         lines.append(

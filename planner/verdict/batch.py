@@ -1,8 +1,6 @@
 """Verdicts on N throws of one motion, by the definitions of the single `verdict`.
 
-All throws share the motion: limits that depend on the motion alone are checked once. A throw is
-simulated again, by the exact release of a single throw, if the step size of the batch's release
-might decide a limit.
+All throws share the motion: limits that depend on the motion alone are checked once.
 """
 
 from __future__ import annotations
@@ -19,25 +17,8 @@ from ..clearance import BAR
 from ..throw import EXACT, BatchFlights, ThrowBatch, torque_limits
 from .batch_limits import MotionLimits
 from .findings import JOINT_LIMITS, Code, Verdict, excused
-from .landing import FALLS, LandingStates, landing_uses
+from .landing import LandingStates, landing_uses
 from .single import FLYING, verdict
-
-
-@dataclass(frozen=True)
-class ErrorBound:
-    """Bound on the landing error of a batch's release.
-
-    position [m], angle [rad]: its constant part. factor: of the difference between two step sizes,
-    which is added. Among 2,400 throws of eight scenes, all parameters uncertain, the largest error
-    was half the bound.
-    """
-
-    position: float = 2e-4
-    angle: float = math.radians(0.15)
-    factor: float = 3.0
-
-
-BOUND = ErrorBound()
 
 
 @dataclass(frozen=True)
@@ -132,35 +113,21 @@ class Judge:
     def verdicts(self, values: Array) -> Verdicts:
         """Verdicts on N throws: values (N, P) of the batch's parameters, SI units."""
         flights, count = self.batch.fly(values), len(values)
-        found, unsure = self._judge(flights, self._doubt(flights))
-        exact = self.batch.model in EXACT
-        which = np.flatnonzero(unsure) if exact else np.zeros(0, int)
-        if which.size:
-            sure, _ = self._judge(self.batch.exactly(flights, which), np.zeros((2, which.size)))
-            for code in found.keys() | sure.keys():
-                flags = found.setdefault(code, np.zeros(count, bool))
-                flags[which] = sure.get(code, False)
-        found[Code.SLIP_BEFORE_OPENING] = self._limits.slips(flights)
-        if torque_limits(self.batch.scene) is not None:
-            found[Code.TORQUE] = self._limits.strains(flights) & ~found[Code.NO_LANDING]
-        found |= {code: np.ones(count, bool) for code in self._motion}
-        if exact:
-            self._decide(found, np.flatnonzero(self._limits.may_collide(flights)), values)
-        return Verdicts(flights.pose, found, self.batch.scene.cup is not None)
-
-    def _judge(self, flights: BatchFlights, doubt: Array) -> tuple[dict[Code, Flags], Flags]:
-        """Flags (N,) of the limits that releases and flights break, and of the throws whose error
-        bound straddles a limit."""
         down = np.isfinite(flights.landing[:, 2])
         blew = ~np.isfinite(flights.start).all(axis=1)
-        found, unsure = {Code.NO_LANDING: ~down, Code.RELEASE: flights.release.lost | blew}, ~down
-        for broken, doubtful in (
-            self._landings(flights, doubt),
-            self._limits.judge_flights(flights, doubt),
-        ):
-            found |= {code: flags & down for code, flags in broken.items()}
-            unsure = unsure | doubtful
-        return found, unsure
+        found = {Code.NO_LANDING: ~down, Code.RELEASE: flights.release.lost | blew}
+        judged = self._landings(flights) | self._limits.judge_flights(flights)
+        found |= {code: flags & down for code, flags in judged.items()}
+        found[Code.SLIP_BEFORE_OPENING] = self._limits.slips(flights)
+        if torque_limits(self.batch.scene) is not None:
+            found[Code.TORQUE] = self._limits.strains(flights) & down
+            torque = self.batch.scene.torque
+            if torque is not None and torque.rate is not None:
+                found[Code.TORQUE_RATE] = self._limits.hurries(flights, torque.rate) & down
+        found |= {code: np.ones(count, bool) for code in self._motion}
+        if self.batch.model in EXACT:
+            self._decide(found, np.flatnonzero(self._limits.may_collide(flights)), values)
+        return Verdicts(flights.pose, found, self.batch.scene.cup is not None)
 
     def _decide(self, broken: dict[Code, Flags], which: Indices, values: Array) -> None:
         """Replaces the flags of some throws in `broken` by single verdicts."""
@@ -179,7 +146,7 @@ class Judge:
     def _motion(self) -> frozenset[Code]:
         """Codes that the motion breaks with any object."""
         findings = verdict(self.batch.throw).broken
-        always = {*JOINT_LIMITS.values(), Code.KINEMATICS, Code.TOOL_SPEED, Code.TORQUE_RATE}
+        always = {*JOINT_LIMITS.values(), Code.KINEMATICS, Code.TOOL_SPEED}
         arm = {f.code for f in findings if f.body not in (BAR, FLYING)}
         return frozenset(arm & (always | {Code.FLOOR, Code.COLLISION}))
 
@@ -189,42 +156,15 @@ class Judge:
 
     # The landing.
 
-    def _doubt(self, flights: BatchFlights) -> Array:
-        """Bounds (2, N) [m, rad] on the errors of the batch's landings."""
-        doubt = flights.release.doubt
-        least = np.array([BOUND.position, BOUND.angle])[:, None]
-        if doubt is None:
-            return np.broadcast_to(least, (2, len(flights.late)))
-        time = np.nan_to_num(flights.landing[:, 2])
-        falls = np.maximum(np.abs(self._end(flights)[1]), FALLS)
-        # An error of the height delays the landing; the object moves on in the delay.
-        late = (doubt[:, 1] + doubt[:, 4] * time) / falls
-        x = doubt[:, 0] + doubt[:, 3] * time + np.abs(flights.start[:, 3]) * late
-        theta = doubt[:, 2] + doubt[:, 5] * time + np.abs(flights.start[:, 5]) * late
-        return np.asarray(least + BOUND.factor * np.array([x, theta]))
-
-    def _end(self, flights: BatchFlights) -> Array:
-        """v_x, v_z [m/s], omega [rad/s] (3, N) at the landing."""
-        start, time = FlightState(*flights.start.T), flights.landing[:, 2]
-        end = self.batch.scene.flight.after(start, time)
-        return np.array([end.v_x, end.v_z, end.omega])
-
-    def _landings(self, flights: BatchFlights, doubt: Array) -> tuple[dict[Code, Flags], Flags]:
-        """Flags (N,) for tolerance, [landing] and arrival, and of the throws whose error bound
-        straddles a limit."""
+    def _landings(self, flights: BatchFlights) -> dict[Code, Flags]:
+        """Flags (N,) for tolerance, [landing] and arrival."""
         scene, target = self.batch.scene, self.batch.throw.target
         x, theta, time = flights.landing.T
-        end = (x, np.full(len(x), target.z), theta, *self._end(flights))
-        dx, turn = target.miss(x - flights.way, theta)
-        start, lands = flights.start.T, flights.freed + time
-        at = LandingStates(dx, turn, start, end, lands, (doubt[0], doubt[1]))
-        uses = landing_uses(scene, target, at)
-        broken, unsure = dict[Code, Flags](), np.zeros(len(x), bool)
-        for code in {use.code for use in uses}:
-            of_code = [use for use in uses if use.code is code]
-            broken[code] = np.logical_or.reduce([use.broken for use in of_code])
-            # One limit broken beyond its error bound decides the code.
-            sure = [use.sign * (use.value - use.limit) > use.doubt for use in of_code]
-            doubtful = [np.abs(use.value - use.limit) <= use.doubt for use in of_code]
-            unsure |= np.logical_or.reduce(doubtful) & ~np.logical_or.reduce(sure)
-        return broken, unsure
+        at_end = scene.flight.after(FlightState(*flights.start.T), time)
+        end = x, np.full(len(x), target.z), theta, at_end.v_x, at_end.v_z, at_end.omega
+        miss = target.miss(x - flights.way, theta)
+        at = LandingStates(*miss, end, flights.freed + time)
+        broken: dict[Code, Flags] = {}
+        for use in landing_uses(scene, target, at):
+            broken[use.code] = np.asarray(use.broken | broken.get(use.code, False))
+        return broken

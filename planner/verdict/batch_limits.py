@@ -20,7 +20,6 @@ from ..clearance import (
     column_distance,
     held_bar,
     lowest_of_bar,
-    outline_ends,
     palm_distance,
     reach_of_bar,
 )
@@ -164,6 +163,21 @@ class MotionLimits:
             strains |= times[k] >= flights.opened
         return strains
 
+    def hurries(self, flights: BatchFlights, most: float) -> Flags:
+        """Flags (N,) of the throws that change a joint's torque faster than `most` [N m/s]."""
+        times, free, by_force, _ = self._torques
+        loads, hand = _Loads.of(self.batch, flights), self.batch.throw.hand(times)
+        hurries, before = np.zeros(len(flights.late), bool), None
+        for k, time in enumerate(times.tolist()):
+            # While the pads open, the load falls linearly, as in `Torques.rate`.
+            share = np.clip((flights.freed - time) / (flights.freed - flights.opened), 0.0, 1.0)
+            load = share * np.array(loads.wrench(_instant(hand, k)))
+            total = free[:, k, None] + np.einsum("wj,wn->jn", by_force[:, :, k], load)
+            if before is not None:
+                hurries |= (np.abs(total - before) > most * TICK).any(axis=0)
+            before = total
+        return hurries
+
     @cached_property
     def _torques(self) -> tuple[Array, Array, Array, Array]:
         """Times (K,) [s]; torques (n, K) [N m] with an empty hand; torques by force along x, z and
@@ -252,12 +266,8 @@ class MotionLimits:
 
     # The flight.
 
-    def judge_flights(self, flights: BatchFlights, doubt: Array) -> tuple[dict[Code, Flags], Flags]:
-        """Flags (N,) of the limits that flights break, and of those whose error bound straddles a
-        limit.
-
-        doubt (2, N): error bounds of their landings, x [m] and theta [rad].
-        """
+    def judge_flights(self, flights: BatchFlights) -> dict[Code, Flags]:
+        """Flags (N,) of the limits that flights break; False for those that never land."""
         scene, count = self.batch.scene, len(flights.late)
         lands = np.flatnonzero(np.isfinite(flights.landing[:, 2]))
         # In the layout of the core: `flown_sample` of structures.h.
@@ -265,46 +275,32 @@ class MotionLimits:
         given = (flights.opened, flights.freed, flights.landing[:, 2], flights.com, cup_x)
         table = np.hstack([np.column_stack(given), flights.start, flights.error])
         rows = np.ascontiguousarray(table[lands])
-        wide = doubt[0, lands] + doubt[1, lands] * reach_of_bar(scene.object)
-        broken, unsure = dict[Code, Flags](), np.zeros(count, bool)
+        broken: dict[Code, Flags] = {}
 
-        def add(code: Code, which: Indices, distance: Array, least: float, flags: Flags) -> None:
+        def add(code: Code, flags: Flags) -> None:
             broken[code] = np.zeros(count, bool)
-            broken[code][lands[which]] = flags
-            unsure[lands[which]] |= np.abs(distance - least) <= wide[which]
+            broken[code][lands] = flags
 
-        every, measured, core = np.arange(lands.size), np.empty((len(rows), 5)), library()
+        measured, core = np.empty((len(rows), 5)), library()
         shared = self.batch.throw.core
         core.measure_flights(shared, self._reference, len(rows), rows, measured)
-        column, palm, palm_time, cup, near = measured.T
+        column, _, palm_time, cup, near = measured.T
         if column_of(scene) is not None:
-            add(Code.COLUMN, every, column, 0.0, column < -NEAR)
+            add(Code.COLUMN, column < -NEAR)
         if scene.bounds.palm_clearance is not None:
-            add(Code.PALM, every, palm, scene.bounds.palm_clearance, np.isfinite(palm_time))
+            add(Code.PALM, np.isfinite(palm_time))
         if scene.cup is not None:
-            least, into = least_cup_clearance(scene.cup), np.isfinite(cup)
-            add(Code.CUP_MISSED, every, np.full(lands.size, np.inf), 0.0, ~into)
-            add(Code.CUP_WALL, every, cup, least, into & (cup <= least))
-            off = self._off_mouth(flights.landing[lands], cup_x[lands])
-            unsure[lands] |= np.abs(off - scene.cup.radius) <= wide
+            into = np.isfinite(cup)
+            add(Code.CUP_MISSED, ~into)
+            add(Code.CUP_WALL, into & (cup <= least_cup_clearance(scene.cup)))
         some = np.flatnonzero(near)
         if some.size:
             bodies, lack = self._around.core(), np.empty(some.size)
             if core.near_flights(shared, bodies, some.size, rows[some], lack):
                 raise MemoryError
-            add(Code.COLLISION, some, lack, 0.0, lack > NEAR)
-        return broken, unsure
-
-    def _off_mouth(self, landing: Array, cup_x: Array) -> Array:
-        """Distances (N,) [m] of the bars' lower ends from the cup's middle at landings (N, 3):
-        near its radius they may pass on either side of the rim."""
-        bar, (x, theta, _) = self.batch.scene.object, landing.T
-        if bar.outline:
-            ends = outline_ends(bar, np.array([x, 0 * x, theta]))
-            lowest = (ends[1] - np.repeat(bar.capsules[:, 4], 2)).argmin(axis=1)
-            return np.asarray(np.abs(ends[0, np.arange(len(x)), lowest] - cup_x))
-        lower = np.where(np.sin(theta) < 0, bar.length - bar.com, -bar.com)
-        return np.asarray(np.abs(x + lower * np.cos(theta) - cup_x))
+            add(Code.COLLISION, np.zeros(lands.size, bool))
+            broken[Code.COLLISION][lands[some]] = lack > NEAR
+        return broken
 
     @cached_property
     def _around(self) -> CollisionScene:

@@ -33,13 +33,12 @@ def least_cup_clearance(cup: Cup) -> float:
 class LimitUse(NamedTuple):
     """A value [SI] that must be at most its limit, or, with sign -1, at least.
 
-    doubt: bound on the value's error. body: distinguishes several values of one code.
+    body: distinguishes several values of one code.
     """
 
     code: Code
     value: Any
     limit: float
-    doubt: Any = 0.0
     sign: float = 1.0
     body: str = ""
 
@@ -51,53 +50,42 @@ class LimitUse(NamedTuple):
 
 @dataclass(frozen=True)
 class LandingStates:
-    """Landings of throws, floats or arrays (N,): dx [m] and dtheta [rad] off the target; start and
-    end (6, ...) of the flight, x, z, theta and their rates; lands: landing time [s] on the motion's
-    clock, None if no limit of it counts; doubt: bounds on the errors of x [m] and theta [rad]."""
+    """Landings of throws, floats or arrays (N,): dx [m] and dtheta [rad] off the target; end
+    (6, ...) of the flight, x, z, theta and their rates; lands: landing time [s] on the motion's
+    clock, None if no limit of it counts."""
 
     dx: Any
     dtheta: Any
-    start: Any
     end: Any
     lands: Any
-    doubt: tuple[Any, Any] = (0.0, 0.0)
 
 
-def tolerance_uses(
-    tolerance: Tolerance, dx: Any, dtheta: Any | None, doubt: tuple[Any, Any] = (0.0, 0.0)
-) -> list[LimitUse]:
+def tolerance_uses(tolerance: Tolerance, dx: Any, dtheta: Any | None) -> list[LimitUse]:
     """The uses of a tolerance by a landing; dtheta: None where theta is open."""
-    x_doubt, theta_doubt = doubt
     allowed = (1 + ROUNDING) * tolerance.position, (1 + ROUNDING) * tolerance.angle
-    errors = [LimitUse(Code.LANDING, np.abs(dx), allowed[0], x_doubt, body="position")]
+    errors = [LimitUse(Code.LANDING, np.abs(dx), allowed[0], body="position")]
     if dtheta is not None:
-        errors.append(LimitUse(Code.LANDING, np.abs(dtheta), allowed[1], theta_doubt, body="angle"))
+        errors.append(LimitUse(Code.LANDING, np.abs(dtheta), allowed[1], body="angle"))
     return errors
 
 
 def landing_uses(scene: Scene, target: Pose, at: LandingStates) -> list[LimitUse]:
     """The uses of tolerance, [landing] and [target] arrival."""
-    bounds, (x_doubt, theta_doubt) = scene.landing, at.doubt
-    v_x, v_z, omega = at.end[3:]
-    # An error of a rate moves the landing by its product with the time of flight.
-    time = np.maximum(np.abs(v_z - at.start[4]) / max(scene.gravity, 1e-9), 0.05)
-    speed_doubt, rate_doubt = x_doubt / time, theta_doubt / time
-    turn = None if target.theta is None else at.dtheta
-    uses = tolerance_uses(scene.tolerance, at.dx, turn, at.doubt)
-    uses.append(LimitUse(Code.GRAZING, -v_z, FALLS, speed_doubt, sign=-1.0))
+    bounds, (v_x, v_z, omega) = scene.landing, at.end[3:]
+    uses = tolerance_uses(scene.tolerance, at.dx, None if target.theta is None else at.dtheta)
+    uses.append(LimitUse(Code.GRAZING, -v_z, FALLS, sign=-1.0))
     if bounds is not None:
         speed = np.hypot(v_x, v_z)
-        uses.append(LimitUse(Code.LANDING_SPEED, speed, bounds.speed_min, speed_doubt, -1.0))
+        uses.append(LimitUse(Code.LANDING_SPEED, speed, bounds.speed_min, -1.0))
         if bounds.speed_max is not None:
-            uses.append(LimitUse(Code.LANDING_SPEED, speed, bounds.speed_max, speed_doubt))
+            uses.append(LimitUse(Code.LANDING_SPEED, speed, bounds.speed_max))
         if bounds.rate_max is not None:
-            uses.append(LimitUse(Code.LANDING_RATE, np.abs(omega), bounds.rate_max, rate_doubt))
+            uses.append(LimitUse(Code.LANDING_RATE, np.abs(omega), bounds.rate_max))
     if target.arrival is not None and at.lands is not None:
         # The landing may be one sample early or late.
         earliest, latest = target.window
-        time_doubt = x_doubt / np.maximum(-v_z, FALLS)
-        uses.append(LimitUse(Code.ARRIVAL, at.lands, earliest - TICK, time_doubt, -1.0))
-        uses.append(LimitUse(Code.ARRIVAL, at.lands, latest + TICK, time_doubt))
+        uses.append(LimitUse(Code.ARRIVAL, at.lands, earliest - TICK, -1.0))
+        uses.append(LimitUse(Code.ARRIVAL, at.lands, latest + TICK))
     return uses
 
 
@@ -112,7 +100,8 @@ def bound_words(scene: Scene, target: Pose, x: float, theta: float) -> str:
         near = np.maximum(near, [known.position, known.angle]).tolist()
     off = abs(x - target.plane_x), abs(theta - (target.theta or 0.0))
     ranges = zip(("x", "theta"), off, target.half_widths, near, strict=True)
-    bounds = [name for name, far, half, room in ranges if half and far > half - room]
+    # Of a range that is no wider than the tolerance every landing is near both bounds.
+    bounds = [name for name, far, half, room in ranges if half > room and far > half - room]
     if not bounds:
         return ""
     words = f"lands at the region's bound of {' and '.join(bounds)}"
@@ -130,7 +119,7 @@ def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -
     target, (x, theta, time) = scene.aim, landing.T
     at = scene.flight.after(FlightState(*detach.T), time)
     end = x, np.full(len(x), target.z), theta, at.v_x, at.v_z, at.omega
-    uses = landing_uses(scene, target, LandingStates(0.0 * x, 0.0 * x, detach.T, end, None))
+    uses = landing_uses(scene, target, LandingStates(0.0 * x, 0.0 * x, end, None))
     good = ~np.logical_or.reduce([np.broadcast_to(use.broken, len(x)) for use in uses])
     if scene.cup is not None:
         shifted = detach.copy()

@@ -4,5 +4,14 @@
 object's own frame, are read without it.
 """
 
-from .body import MeshChoices, MeshObject, object_from, object_text, read_mesh, read_stl, stl_bytes
+from .body import (
+    MeshChoices,
+    MeshObject,
+    covered_mesh,
+    object_from,
+    object_text,
+    read_mesh,
+    read_stl,
+    stl_bytes,
+)
 from .capsules import mesh_parts

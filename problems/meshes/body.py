@@ -13,7 +13,7 @@ import numpy as np
 from ...models import Array
 from ..checks import InputError
 from ..grip import Grasp, ThrownObject, held_object
-from .capsules import Capsule, parts_of
+from .capsules import Capsule, mesh_parts, parts_of
 
 #: Largest and smallest size [m] of an object that is thrown.
 SIZES = (0.005, 3.0)
@@ -27,6 +27,10 @@ TILT = 0.05
 CENTRAL = 1e-4
 #: Largest component of the hand's approach axis along the plane's normal.
 ACROSS = 0.05
+#: Distance from a face, over the mesh's size, in which it is looked whether a mesh is solid.
+SKIN = 1e-6
+#: Most pairs of points and triangles in that look.
+PAIRS = 20_000_000
 #: Decimals of lengths [m] in files.
 PLACES = 5
 #: A triangle of a binary STL file: normal, three corners, and two bytes without a meaning.
@@ -80,7 +84,8 @@ def read_mesh(file: Path) -> Any:
     if not file.is_file():
         raise InputError(f"{file}: no such file")
     try:
-        mesh: Any = trimesh.load(file, force="mesh", process=True)
+        with np.errstate(all="ignore"):
+            mesh: Any = trimesh.load(file, force="mesh", process=True)
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
         faces, vertices = len(mesh.faces), np.asarray(mesh.vertices)
     except Exception as error:  # trimesh lets through whatever its readers raise.
@@ -100,7 +105,37 @@ def read_mesh(file: Path) -> Any:
         if not mesh.is_volume:
             words = "its triangles must enclose one and all face outwards"
             raise InputError(f"{file}: has no volume: {words}")
+    if not _is_solid(np.asarray(mesh.triangles)):
+        raise InputError(
+            f"{file}: has bodies that overlap, or that face inwards: their volume would count "
+            "twice or be taken off: unite them (for example with Blender's Boolean modifier)"
+        )
     return mesh
+
+
+def _is_solid(corners: Array) -> bool:
+    """Whether triangles (F, 3, 3) wind once round the inside, and not round the outside, seen from
+    either side of some of them. So bodies are apart or touch; a cavity faces inwards."""
+    corners = corners / np.ptp(corners, axis=(0, 1)).max()
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normal, axis=1)
+    large = np.flatnonzero(size > SKIN * size.max())
+    seen = large[:: max(1, len(large) * len(corners) // PAIRS)]
+    off = SKIN * normal[seen] / size[seen, None]
+    middles = corners[seen].mean(axis=1)
+    turns = [_winding(corners, point) for point in np.concatenate([middles + off, middles - off])]
+    return bool(np.isin(np.round(turns), (0.0, 1.0)).all())
+
+
+def _winding(corners: Array, point: Array) -> float:
+    """How often triangles (F, 3, 3) wind round a point: their solid angles over the full one (van
+    Oosterom and Strackee, 1983)."""
+    a, b, c = np.moveaxis(corners - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    dots = [np.einsum("ij,ij->i", u, v) for u, v in ((a, b), (b, c), (c, a))]
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    angles = np.arctan2(volume, la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb)
+    return float(angles.sum() / (2 * np.pi))
 
 
 def object_from(mesh: Any, choices: MeshChoices) -> MeshObject:
@@ -128,6 +163,11 @@ def object_from(mesh: Any, choices: MeshChoices) -> MeshObject:
     moments = mass / mesh.volume * axes @ np.array(mesh.moment_inertia) @ axes.T
     _check_moments(moments)
     corners = (np.asarray(mesh.triangles) - grasp) @ axes.T
+    if not _is_met(corners[..., ::2]):
+        raise InputError(
+            "--grasp: the pads close on nothing: the line through it along --across, along which "
+            f"they press ({_words(np.round(axes[1], 3))} in the mesh's frame), must meet the mesh"
+        )
     capsules, beyond = parts_of(corners, choices.parts)
     first, last, outline = _outline(capsules)
     table = {
@@ -142,6 +182,13 @@ def object_from(mesh: Any, choices: MeshChoices) -> MeshObject:
     middle = bool(1.02 * others[0] < moments[1, 1] < 0.98 * others[1])
     grip = Grasp(offset=round(-first, PLACES), angle=angle)
     return MeshObject(held_object(table), grip, corners - [first, 0.0, 0.0], beyond, middle)
+
+
+def _is_met(corners: Array) -> bool:
+    """Whether the origin is in one of the triangles (F, 3, 2) of a plane."""
+    ahead = np.roll(corners, -1, axis=1)
+    sides = corners[..., 0] * ahead[..., 1] - corners[..., 1] * ahead[..., 0]
+    return bool(((sides >= 0.0).all(axis=1) | (sides <= 0.0).all(axis=1)).any())
 
 
 def _short(value: float) -> float:
@@ -209,10 +256,10 @@ def _axes(mesh: Any, towards: Array, choices: MeshChoices) -> tuple[Array, float
 
 
 def _unit(key: str, direction: Array) -> Array:
-    size = float(np.linalg.norm(direction))
-    if not size:
+    largest = float(np.abs(direction).max())
+    if not largest:
         raise InputError(f"{key}: must not be zero")
-    return np.asarray(direction / size)
+    return np.asarray(direction / largest / np.linalg.norm(direction / largest))
 
 
 def _thinnest(mesh: Any, along: Array) -> Array:
@@ -261,6 +308,14 @@ def read_stl(path: Path) -> Array:
     if not np.isfinite(corners).all():
         raise InputError(f"{path}: has corners that are no finite numbers")
     return np.asarray(corners)
+
+
+def covered_mesh(thrown: ThrownObject) -> Array:
+    """Corners (F, 3, 3) [m] of the triangles of an object's mesh; InputError for one that is no STL
+    file, or that its outline does not cover."""
+    corners = read_stl(Path(str(thrown.mesh)))
+    mesh_parts(corners, thrown)
+    return corners
 
 
 def stl_bytes(corners: Array) -> bytes:

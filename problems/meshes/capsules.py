@@ -212,11 +212,11 @@ def parts_of(corners: Array, most: int) -> tuple[list[Capsule], float]:
     return rounded, float(small.excess(rounded)[0].max())
 
 
-def mesh_parts(corners: Array, thrown: ThrownObject, place: str) -> list[Array]:
-    """Points (N, 3) [m] of a mesh of triangles (F, 3, 3) by the capsule of an object's outline that
-    they are in, for each that has some: their convex hulls are the mesh's convex parts.
+def mesh_parts(corners: Array, thrown: ThrownObject) -> list[Array]:
+    """Points (N, 3) [m] of an object's mesh of triangles (F, 3, 3) by the capsule of its outline
+    that they are in, for each that has some: their convex hulls are the mesh's convex parts.
 
-    InputError, with the mesh's `place`, for one that the outline does not cover.
+    InputError for a mesh that the outline does not cover.
     """
     small = SmallTriangles.of(corners)
     capsules = [(row[:2], row[2:4], float(row[4])) for row in thrown.capsules]
@@ -224,8 +224,8 @@ def mesh_parts(corners: Array, thrown: ThrownObject, place: str) -> list[Array]:
     beyond = float(away.min(axis=0).max())
     if beyond > COVERED:
         raise InputError(
-            f"[object] mesh = {place}: reaches {1e3 * beyond:.2g} mm beyond the outline: must be "
-            "in the object's frame, in m, as import-object writes it"
+            f"mesh = {thrown.mesh}: reaches {1e3 * beyond:.2g} mm beyond the outline: must be in "
+            "the object's frame, in m, as import-object writes it"
         )
     groups = away.argmin(axis=0)
     numbers = (small.triangles[groups == k] for k in range(len(capsules)))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 
 import numpy as np
 import pytest
 import throwplan as tp
 from release_cases import extremes, single
 from scipy.integrate import solve_ivp
-from throwplan.models import MovedHand, Trajectory
+from throwplan.models import Body, Contact, MovedHand, Trajectory
 from throwplan.models.release import (
+    LinearGrip,
     Release,
     ReleaseCase,
     SlidingPivot,
@@ -21,7 +23,8 @@ from throwplan.models.release import (
     exact_surface_release,
     relative_states,
 )
-from throwplan.planner.throw import Throw, case_of
+from throwplan.planner.throw import Throw, ThrowBatch, case_of
+from throwplan.planner.verdict import Judge
 
 from benchmarks.plain_pivot import PlainPivot, world_release
 
@@ -168,3 +171,42 @@ def test_a_measured_grip_force_lands_as_by_another_integrator(throw: Throw) -> N
     case = dataclasses.replace(throw.case, grip=table)
     mine, other = (landed(throw, found(case)) for found in (exact_pivot_release, reference))
     assert together(mine, other, 1e-5, 1e-4)
+
+
+@pytest.mark.parametrize("opening", [0.3, 1.0])
+def test_a_long_release_of_samples_has_all_its_nodes(opening: float) -> None:
+    """Each sample of a motion is a kink, each kink a node: no gap is longer than two samples."""
+    times = 1e-3 * np.arange(round(1e3 * opening) + 60)
+    q = np.stack([0.1 * times, 0.3 * np.sin(12 * times), 0 * times], 1)
+    dq, ddq = (np.gradient(q, 1e-3, axis=0), -0.3 * 144 * np.sin(12 * times)[:, None] * [0, 1, 0])
+    path = Trajectory.quintics(1e-3, q, dq, ddq).shifted(0.02)
+    body, contact = Body(0.1, 1e-4, 0.05), Contact(0.5, 0.005, 0.6, 2)
+    found = exact_surface_release(ReleaseCase(body, contact, LinearGrip(20.0, 0.0, opening), path))
+    assert np.diff(found.times).max() <= 2e-3 and found.times[-1] == pytest.approx(opening)
+
+
+def test_a_stiff_throw_of_a_sweep_is_that_throw_by_itself() -> None:
+    """A light body on wide pads under a crooked grip force: steps of equal length miss its landing
+    by a degree."""
+    times = (0.0, 0.0041, 0.0098, 0.0268, 0.0302, 0.0344, 0.0711, 0.0834, 0.1297, 0.1329)
+    forces = (5.862, 5.393, 3.793, 3.604, 3.389, 1.33, 1.169, 0.988, 0.072, 0.0)
+    scene = tp.load_scene("hand-flip").replace(
+        object=tp.Object(length=0.1062, com=0.0742, width=0.0221, mass=0.02017),
+        contact=tp.Contact(friction=1.4968, patch_radius=0.044406, torsion=2.462, faces=3),
+        gripper=tp.Gripper(times=times, forces=forces),
+        target=tp.Pose(1.452, -2.0, math.radians(92.9)),
+    )
+    plan = tp.Planner(scene, library=False).plan()
+    assert plan.solved
+    batch = ThrowBatch.of(plan.throw.deciding, plan.target, ("delay",), (-0.05, 0.05, 0.1329))
+    judge, delays = Judge.of_success(batch), np.linspace(-4e-4, 4e-4, 41)[:, None]
+    verdicts = judge.verdicts(delays)
+    for delay, pose, succeeds in zip(delays, verdicts.pose, verdicts.succeeds, strict=True):
+        late = batch.one(delay)
+        own = [late.landing.x, late.landing.theta]
+        assert pose[:2] == pytest.approx(own, abs=1e-6)
+        assert succeeds == judge.one(delay).succeeds
+        # The same by very many even steps, not extrapolated.
+        many = SteppedRelease(20000).release(late.case)
+        assert pose[:2] == pytest.approx(landed(late, many), abs=2e-3)
+    assert 0.1 < verdicts.succeeds.mean() < 0.9

@@ -11,7 +11,7 @@ import pytest
 import throwplan as tp
 from builders import varied
 from throwplan.models import FlightLaw, Trajectory
-from throwplan.models.release import MODELS
+from throwplan.models.release import MODELS, exact_pivot_release
 from throwplan.planner.cli import Progress, main
 from throwplan.planner.sweep import sweep_until_stopped
 from throwplan.planner.throw import Throw, ThrowBatch, make_manipulator
@@ -35,7 +35,7 @@ def batch_of(section: Uncertainty) -> ThrowBatch:
     )
     hand = Trajectory.accelerating(POSE, TWIST, ACCELERATION)
     throw = Throw(scene, make_manipulator(scene), hand, 0.0, model="sp")
-    return ThrowBatch(throw, scene.target, "sp", section.names, hand, (-0.1, 0.1, 0.1), 400)
+    return ThrowBatch(throw, scene.target, "sp", section.names, hand, (-0.1, 0.1, 0.1))
 
 
 # Physics.
@@ -90,14 +90,17 @@ def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
     columns = dict(zip(batch.names, values.T, strict=True))
     delay = columns["delay"][:, None]
     offset = np.column_stack([columns[name] for name in ERRORS])
-    hands = Trajectory.accelerating(
-        POSE + delay * (TWIST + delay * ACCELERATION / 2) + offset[:, :3],
-        TWIST + delay * ACCELERATION + offset[:, 3:],
-        np.tile(ACCELERATION, (64, 1)),
-    )
-    disturbed = batch.releases(batch.columns(values))
-    plain = dataclasses.replace(disturbed, hands=hands, grasp_angle=columns["grasp_angle"])
-    expected = FlightLaw(G).land(MODELS["sp"].throw(plain, 400).detach, batch.target.z)
+    starts = POSE + delay * (TWIST + delay * ACCELERATION / 2) + offset[:, :3]
+    twists = TWIST + delay * ACCELERATION + offset[:, 3:]
+    ends = []
+    for row, (start, twist) in enumerate(zip(starts, twists, strict=True)):
+        hand = Trajectory.accelerating(start, twist, ACCELERATION)
+        com = float(columns["com_offset"][row]) + batch.scene.grasp.offset
+        body = dataclasses.replace(batch.throw.case.body, com_offset=com)
+        angle = float(columns["grasp_angle"][row])
+        case = dataclasses.replace(batch.throw.case, hand=hand, body=body, grasp_angle=angle)
+        ends.append(exact_pivot_release(case).end)
+    expected = FlightLaw(G).land(np.array(ends), batch.target.z)
     assert batch.fly(values).landing == pytest.approx(expected, abs=1e-9)
 
 

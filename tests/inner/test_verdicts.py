@@ -136,6 +136,25 @@ def test_throws_together_are_judged_as_each_by_itself(name: str, tmp_path) -> No
         assert 0 < slips.sum() < COUNT
 
 
+def test_a_torque_rate_follows_the_load_of_each_throw(plan_of) -> None:
+    """The limit is just above the planned throw's rate: heavier objects break it."""
+    plan = plan_of("pose")
+    throw = plan.throw.deciding
+    scene = plan.scene.changed(
+        torque=tp.Torque(rate=1.0005 * throw.torques.rate),
+        tolerance=tp.Tolerance(position=0.2, angle=1.5),
+        uncertainty=Uncertainty(
+            opening=spread(0.1, relative=True), mass=spread(0.1, relative=True)
+        ),
+    )
+    throw = throw.in_scene(scene.aimed_at(plan.goal))
+    sampler = sampler_of(scene, 1)
+    batch = ThrowBatch.of(throw, plan.goal, sampler.names, (-0.03, 0.03, 0.06))
+    judge, values = Judge(batch), sampler.draw(0, 64)
+    assert Code.TORQUE_RATE in assert_the_same(judge, values)
+    assert 0.1 < judge.verdicts(values).breaks(Code.TORQUE_RATE).mean() < 0.9
+
+
 @pytest.mark.slow
 def test_obstacles_are_met_by_the_same_throws() -> None:
     """A ball above the planned flight, in the way of some of the others."""

@@ -103,6 +103,63 @@ def test_a_closed_mesh_without_a_volume_is_refused(refused, tmp_path, how) -> No
     assert "part.obj: has no volume: its triangles must" in refused("import-object", file, *words)
 
 
+def hammer(tmp_path: Path, how: str) -> Path:
+    """A handle along x of 200 mm and a head of 30 mm."""
+    handle = trimesh.creation.box([0.2, 0.02, 0.02])
+    head = trimesh.creation.box([0.03, 0.1, 0.1])
+    head.apply_translation([0.115 - 0.005 * (how == "over"), 0.0, 0.0])
+    if how == "inwards":
+        head.invert()
+    if how == "hollow":
+        hole = trimesh.creation.box([0.02, 0.08, 0.08])
+        hole.apply_translation([0.115, 0.0, 0.0])
+        hole.invert()
+        head = trimesh.util.concatenate([head, hole])
+    file = tmp_path / f"{how}.stl"
+    trimesh.util.concatenate([handle, head]).export(file)
+    return file
+
+
+@pytest.mark.parametrize("how", ["over", "inwards"])
+def test_bodies_that_count_twice_or_less_than_nothing_are_refused(refused, tmp_path, how) -> None:
+    words = ("--density", "1000", "--grasp", "-0.05", "0", "0", "--out", tmp_path / "out.toml")
+    assert "has bodies that overlap" in refused("import-object", hammer(tmp_path, how), *words)
+
+
+def test_bodies_that_touch_and_cavities_count_as_they_are(run, tmp_path) -> None:
+    handle, head, hole = 0.2 * 0.02**2, 0.03 * 0.1**2, 0.02 * 0.08**2
+    words = ("--density", "1000", "--grasp", "-0.05", "0", "0")
+    for how, volume in (("touch", handle + head), ("hollow", handle + head - hole)):
+        mass = imported(run, hammer(tmp_path, how), *words)["object"]["mass"]
+        assert mass == pytest.approx(1000 * volume, rel=1e-5)
+
+
+def test_pads_that_close_on_nothing_are_refused(refused, tmp_path) -> None:
+    """In the hole of a ring, and beside a handle."""
+    ring = trimesh.creation.annulus(0.03, 0.05, 0.01)
+    ring.export(tmp_path / "ring.stl")
+    words = ("--mass", "0.1", "--out", tmp_path / "out.toml")
+    beside = ("--grasp", "-0.05", "0", "0.03", *Y)
+    for file, grasp in (
+        (tmp_path / "ring.stl", ("--grasp", "0.02", "0", "0")),
+        (hammer(tmp_path, "touch"), beside),
+    ):
+        line = refused("import-object", file, *words, *grasp)
+        assert "--grasp: the pads close on nothing" in line
+
+
+def test_a_scene_s_mesh_is_in_its_outline(refused, run, bar_mesh) -> None:
+    """The file that was imported, in mm, is refused before anything is planned."""
+    imported(run, bar_mesh, "--unit", "mm", "--mass", "0.3", "--grasp", "20", "0", "0")
+    scene = bar_mesh.with_suffix(".toml")
+    own = bar_mesh.with_name(f"{bar_mesh.stem}-mesh.stl").name
+    text = scene.read_text().replace(own, bar_mesh.name)
+    assert own not in text
+    scene.write_text(text)
+    line = refused("plan", scene, lines=5)  # Other sections are missing.
+    assert f"[object] mesh = {bar_mesh}: reaches" in line and "[object] [object]" not in line
+
+
 @pytest.mark.parametrize("name", ["hammer", "bottle", "box"])
 def test_the_outline_covers_the_mesh(name: str) -> None:
     thrown = tp.load_scene(EXAMPLES / f"{name}.toml").object

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import subprocess
 import sys
 from functools import cache
@@ -177,9 +178,21 @@ def test_a_plan_is_read_back(saved, plan_of) -> None:
         assert found.scene == plan.scene and found.target == plan.target
         release = plan.to_dict()["release"]
         assert found.opening_time == pytest.approx(release["opening_time"], abs=1e-12)
-        # The samples of a free hand blur the steps of its acceleration.
-        blur = 1e-6 if name == "near-cup" else 5e-4
-        assert found.landing_time == pytest.approx(release["landing_time"], abs=blur)
+        # A free hand's by its pieces: samples blur the steps of its acceleration.
+        assert found.landing_time == pytest.approx(release["landing_time"], abs=1e-6)
+        assert found.miss() == pytest.approx(plan.throw.deciding.miss(), abs=1e-5)
+
+
+def test_the_pieces_of_a_hand_s_motion_are_those_of_its_samples(saved, tmp_path, refused) -> None:
+    folder = shutil.copytree(saved("hand-flip"), tmp_path / "plan")
+    whole = json.loads((folder / "plan.json").read_text())
+    moved = json.loads(json.dumps(whole))
+    moved["motion"]["coefficients"][-1][0][1] += 1e-3
+    cut = json.loads(json.dumps(whole))
+    del cut["motion"]["breaks"][1]
+    for motion, words in ((moved, "motion: is not that of motion.csv"), (cut, "not a complete")):
+        (folder / "plan.json").write_text(json.dumps(motion))
+        assert words in refused("sweep", folder)
 
 
 @pytest.fixture
