@@ -38,7 +38,8 @@ COLUMNS = {
         "N": ("f_N",),
     }.items()
     for column in columns
-} | dict.fromkeys(("t", "command", "since_command"), (1e10, "s"))
+}
+COLUMNS |= dict.fromkeys(("t", "command", "since_command"), (1e10, "s")) | {"gripper": (1.0, "")}
 
 #: What an unknown name of a shipped file is, by its folder.
 UNKNOWN = {
@@ -204,8 +205,9 @@ def toml_lines(
             said = meanings.get(name, {}).get("")
             inner += ["", remarked(heading, said), *toml_lines(row, meanings, name)]
         if not rows and not isinstance(value, dict):
-            # TOML's texts and truths are JSON's; repr keeps every digit of a number.
-            as_json = isinstance(value, str | bool)
+            # TOML's texts, truths and lists of them are JSON's; repr keeps every digit of a number.
+            parts = value if isinstance(value, list | tuple) else [value]
+            as_json = any(isinstance(part, str | bool) for part in parts)
             text = json.dumps(value, ensure_ascii=False) if as_json else repr(value)
             lines.append(remarked(f"{toml_key(key)} = {text}", about.get(key)))
     return lines + inner
@@ -244,7 +246,11 @@ def _make_folders(folder: Path) -> Iterator[None]:
     """Makes `folder` and its parents; removes new ones afterwards if they are empty."""
     new = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        for _ in range(10):  # Another process may remove them at this moment.
+            with suppress(FileNotFoundError):
+                folder.mkdir(parents=True, exist_ok=True)
+            if folder.is_dir():
+                break
         yield
     finally:
         for path in new:

@@ -15,7 +15,7 @@ from ..models.release import GripProfile, LinearGrip, TableGrip
 from ..models.robot import segment_distance
 from .arms import load_gripper
 from .checks import InputError, within
-from .section import Section, from_table, optional, quantity
+from .section import UNSET, Section, from_table, optional, quantity
 
 #: Largest number of capsules in an outline.
 MAX_PARTS = 12
@@ -298,7 +298,11 @@ class Gripper(Section):
 
     force: float | None = optional("N, of one pad at full grip", above=0, least=1e-6, most=1e6)
     dwell: float = quantity(
-        "s, from the command until the force starts to fall", least=0, most=2, unit="s", default=0.0
+        "s, from the command until the force starts to fall; left out: the file's, or 0",
+        least=0,
+        most=2,
+        unit="s",
+        default=UNSET,
     )
     opening: float | None = optional(
         "s, from there to zero, linear", above=0, least=1e-5, most=2, unit="s"
@@ -330,12 +334,16 @@ class Gripper(Section):
     def check(self) -> None:
         """The force is given in exactly one way, or taken from the file; a table falls to zero."""
         measured = bool(self.times or self.forces or self.table)
-        given = self.force is not None and self.opening is not None
-        if self.file is not None and not given and not measured:
+        left_out = [
+            name for name in ("force", "dwell", "opening") if getattr(self, name) in (None, UNSET)
+        ]
+        if self.file is not None and left_out and not measured:
             with within(f"file = {self.file!r}"):
                 data = load_gripper(self.file)
-            for name in ("force", "dwell", "opening"):
-                object.__setattr__(self, name, getattr(self, name) or getattr(data, name))
+            for name in left_out:
+                object.__setattr__(self, name, getattr(data, name))
+        elif math.isnan(self.dwell):
+            object.__setattr__(self, "dwell", 0.0)
         linear = self.force is not None or self.opening is not None
         if linear == measured:
             raise InputError("give either 'force' and 'opening', or a measured 'table'")

@@ -364,7 +364,11 @@ class Scene(Section):
             table["gripper"].pop(key, None)
         if self.arm is not None:
             table["arm"] = arm_table(self.arm)
-        return {key: value for key, value in table.items() if value not in ({}, [], "")}
+        # A section whose keys all have their defaults counts, if it may be left out.
+        given = {key for key in SECTIONS if getattr(self, key) is not None}
+        optional = {field.name for field in dataclasses.fields(self) if field.default is None}
+        keep = given & optional
+        return {k: value for k, value in table.items() if k in keep or value not in ({}, [], "")}
 
     @property
     def place(self) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 from ..models import SHAPES, Array, Contact, Indices, ReadOnly
 from ..models.release import TableGrip
 from ..models.robot import Arm
-from .arms import load_arm
+from .arms import load_arm, load_gripper
 from .checks import InputError, check_arguments, within
 from .files import (
     csv_lines,
@@ -75,6 +75,9 @@ class Shared(Section):
     arm: str | None = quantity(
         "whose joints the motions hold; left out: the hand's x, z, theta", default=None
     )
+    gripper: str | None = quantity(
+        "the arm's gripper, as `file` in a scene's [gripper]; left out: its own hand", default=None
+    )
     cutoff: float | None = optional(
         "Hz, low-pass for the joints' positions; left out: chosen by the landings", above=0
     )
@@ -86,8 +89,10 @@ class Shared(Section):
     )
 
     def check(self) -> None:
-        """The shape of the limit surface is one."""
+        """The shape of the limit surface is one; a gripper is on an arm."""
         surface_shape(self.shape, self.coefficients)
+        if self.gripper is not None and self.arm is None:
+            raise InputError(f"gripper = {self.gripper!r}: only with arm: motions are of the hand")
 
     def contact(self, friction: Any, patch_radius: Any) -> Contact:
         """The contact with these unknowns: numbers or arrays (N,)."""
@@ -173,8 +178,10 @@ def load_throws(folder: str | Path) -> ThrowData:
     tables = toml_tables(read_text(path), str(path))
     with within(str(path)):
         shared, objects, truth = _head(tables)
+        with within(f"gripper = {shared.gripper!r}"):
+            gripper = None if shared.gripper is None else load_gripper(shared.gripper, folder)
         with within(f"arm = {shared.arm!r}"):
-            arm = None if shared.arm is None else load_arm(shared.arm, folder)
+            arm = None if shared.arm is None else load_arm(shared.arm, folder, gripper)
     throws, table = [], folder / "throws.csv"
     for number, row in _rows(table):
         with within(f"{table}: line {number}"):
@@ -321,14 +328,14 @@ def write_throws(
 
     `load_throws` reads it back to 9 digits; the grip force is sampled at 1 kHz.
     objects: their names in the files, else object1, object2 and so on. Raises InputError
-    for a folder that cannot be written and an arm's file that `folder` does not hold.
+    for a folder that cannot be written and an arm's or a gripper's file that it does not hold.
     """
     folder = Path(folder)
     kinds = dict.fromkeys(throw.object for throw in data.throws)
     names = {one: f"object{i}" for i, one in enumerate(kinds, start=1)} | dict(objects or {})
-    arm = data.shared.arm
-    if arm is not None and arm not in shipped("arms") and not (folder / arm).is_file():
-        raise InputError(f"{folder}: holds no {arm}: copy the arm's file there first")
+    for kind, name in (("arm", data.shared.arm), ("gripper", data.shared.gripper)):
+        if name is not None and name not in shipped(f"{kind}s") and not (folder / name).is_file():
+            raise InputError(f"{folder}: holds no {name}: copy the {kind}'s file there first")
     files = _file_names(data.throws)
     text = _head_text(data, {one: names[one] for one in kinds})
     with filling(folder, THROW_DATA_FILES) as scratch:

@@ -15,9 +15,6 @@ from ..throw import Manipulator
 from .bodies import CollisionScene, SweptBodies, bar_radii
 from .outlines import bar_ends, held_bar
 
-#: Points along the axis of a bar, or of a capsule, whose distance from the base column is measured.
-ALONG = 9
-
 
 @dataclass(frozen=True, eq=False)
 class SpatialScene:
@@ -142,11 +139,31 @@ class SpatialScene:
 
         A bar's half width is taken off on all sides.
         """
-        bar, share = self.scene.object, np.linspace(0.0, 1.0, ALONG)[:, None, None]
-        gaps = list[Array]()
+        bar = self.scene.object
         radii = bar_radii(bar) if bar.outline else [bar.width / 2]
-        for (first, last), around in zip(self.held_ends(pads), radii, strict=True):
-            points = first + share * (last - first)
-            aside = np.hypot(points[:, 0], points[:, 1]) - radius
-            gaps.append(np.maximum(aside, points[:, 2] - height).min(axis=0) - around)
+        gaps = [
+            _off_column(first, last, radius, height) - around
+            for (first, last), around in zip(self.held_ends(pads), radii, strict=True)
+        ]
         return np.asarray(np.min(gaps, axis=0))
+
+
+def _off_column(first: Array, last: Array, radius: float, height: float) -> Array:
+    """The least of max(distance aside, height above) (N,) [m] along segments between points (3, N)
+    and a column about the z axis.
+
+    Both are convex along a segment, so the least is at an end, at the point nearest to the axis or
+    where the two are equal.
+    """
+    way, start = last - first, first[2] - height + radius
+    square = way[0] ** 2 + way[1] ** 2
+    towards = first[0] * way[0] + first[1] * way[1]
+    a, b = square - way[2] ** 2, towards - start * way[2]
+    c = first[0] ** 2 + first[1] ** 2 - start**2
+    with np.errstate(all="ignore"):
+        q = -(b + np.copysign(np.sqrt(np.maximum(b * b - a * c, 0.0)), b))
+        shares = np.array([0 * a, 1 + 0 * a, -towards / square, q / a, c / q])
+    shares = np.clip(np.nan_to_num(shares, nan=0.0), 0.0, 1.0)
+    points = first + shares[:, None] * way
+    aside = np.hypot(points[:, 0], points[:, 1]) - radius
+    return np.asarray(np.maximum(aside, points[:, 2] - height).min(axis=0))

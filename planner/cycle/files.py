@@ -11,7 +11,7 @@ import numpy as np
 
 from ...models import Array
 from ...problems import InputError, check_arguments
-from ...problems.files import filling, read_json, write_json
+from ...problems.files import filling, read_csv, read_json, write_json
 from ...problems.scene_files import scene_from_table
 from ..result import complete, read_samples, write_table
 from ..throw import TICK
@@ -82,7 +82,9 @@ def read_cycle(path: str | Path) -> Cycle:
     if found.get("status") != "solved":
         raise InputError(f"{path}: the cycle is not solved: it holds no motion")
     with complete(path, "is not a complete cycle file"):
-        steps = tuple(_step(entry, found["arm"]) for entry in found["steps"])
+        steps = tuple(
+            _step(number, entry, found["arm"]) for number, entry in enumerate(found["steps"], 1)
+        )
         # Null where some throw has no motion from rest to rest.
         stops = math.inf if found["with_stops"] is None else float(found["with_stops"])
         numbers = stops, {k: float(v) for k, v in found["time"].items()}
@@ -96,12 +98,23 @@ def read_cycle(path: str | Path) -> Cycle:
     rising = all(a <= b for a, b in itertools.pairwise([0, *moments, len(samples.q) - 1]))
     if not rising or not all(TICK * s.join <= s.opening_time <= TICK * s.free for s in steps):
         raise InputError(f"{path}: its times must rise and be within motion.csv")
-    return Cycle(name, steps, samples, order, *numbers)
+    cycle = Cycle(name, steps, samples, order, *numbers)
+    for number, (step, throw) in enumerate(zip(steps, cycle.throws, strict=True), start=1):
+        if step.detach_time > TICK * (len(samples.q) - 1) or not throw.lands:
+            words = "its pads must be open before the motion ends, and its object must land"
+            raise InputError(f"{path}: step {number}: {words}")
+    gripper = read_csv("motion", str(path.parent / "motion.csv"), None, ("t", "gripper"))[:, 1]
+    if (gripper != gripper_commands(cycle)).any():
+        raise InputError(f"{path}: its steps do not fit the column gripper of motion.csv")
+    return cycle
 
 
-def _step(entry: dict[str, Any], arm: dict[str, Any]) -> CycleStep:
-    scene = scene_from_table({**entry["definition"], "arm": arm})
-    moments = [int(k) for k in entry["samples"]]
+def _step(number: int, entry: dict[str, Any], arm: dict[str, Any]) -> CycleStep:
+    try:
+        scene = scene_from_table({**entry["definition"], "arm": arm})
+    except InputError as error:
+        raise error.within(f"step {number}") from None
+    moments = [k for k in entry["samples"] if type(k) is int]
     if len(moments) != len(MOMENTS) or scene.robot is None:
         raise ValueError("samples")
     times = dict(zip(MOMENTS, moments, strict=True)), float(entry["opening_time"])

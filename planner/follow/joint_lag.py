@@ -25,6 +25,15 @@ class Response(ReadOnly):
     rate: Array
     share: Array
 
+    def __post_init__(self) -> None:
+        """InputError for other than finite numbers, as many of both."""
+        super().__post_init__()
+        for values in (self.rate, self.share):
+            if np.ndim(values) != 1 or np.shape(values) != np.shape(self.rate):
+                raise InputError("rate, share: must be one number per joint each")
+            if np.asarray(values).dtype.kind not in "fiu" or not np.isfinite(values).all():
+                raise InputError("rate, share: must be finite numbers")
+
     @classmethod
     @check_arguments
     def fitted(cls, sent: Array, q: Array) -> Response:
@@ -32,28 +41,36 @@ class Response(ReadOnly):
 
         InputError if they are not finite numbers of equal shape.
         """
-        right = sent.shape == q.shape and sent.ndim == 2 and len(sent) > 1
+        right = sent.shape == q.shape and sent.ndim == 2 and len(sent) > 1 and sent.shape[1] > 0
         if not right or not np.isfinite([sent, q]).all():
             raise InputError("sent, q: must be finite numbers, a row per ms and a column per joint")
         found = []
         for u, y in zip((sent - sent[0]).T, (q - q[0]).T, strict=True):
-            behind = TICK * (u - y)[1:]
+            # The law from sample to sample, as of `_lagging`.
+            behind = TICK * ((u - y)[1:] + (u - y)[:-1]) / 2
             law = np.column_stack([behind, np.diff(u)])
             rate, share = np.linalg.lstsq(law, np.diff(y), rcond=None)[0]
-            if not RATES[0] <= rate <= RATES[1]:
-                # The joint follows at once, or it hardly moved.
+            if rate > RATES[1]:
+                # The same lag, at the largest rate.
+                rate, share = RATES[1], 1.0 - (1.0 - share) * RATES[1] / rate
+            elif not rate >= RATES[0]:
+                # The joint hardly moved: it is taken to follow at once.
                 rate, share = RATES[1], 1.0
             found.append((rate, share))
         return cls(*np.array(found).T)
 
     @check_arguments
     def of(self, joint: int, sent: Array) -> Array:
-        """The response of joint number `joint` to `sent` (N, ...), which begins at rest."""
+        """The response of joint `joint`, from 0 on, to `sent` (N, ...), which begins at rest."""
+        if not 0 <= joint < len(self.rate) or not len(sent):
+            raise InputError(f"joint, sent: must be below {len(self.rate)}, with at least one row")
         return _lagging(self.rate[joint], self.share[joint], sent)
 
     @check_arguments
     def all(self, sent: Array) -> Array:
         """The response of all joints to `sent` (..., N, n); of rates and accelerations alike."""
+        if sent.ndim < 2 or not sent.shape[-2] or sent.shape[-1] != len(self.rate):
+            raise InputError(f"sent: must have rows of {len(self.rate)} joints")
         return np.moveaxis(_lagging(self.rate, self.share, np.moveaxis(sent, -2, 0)), 0, -2)
 
 

@@ -103,6 +103,11 @@ class Session:
             raise InputError("follow: only for a scene with [robot]")
         if plan.throw is None or not plan.solved:
             raise InputError("follow: needs a solved plan")
+        size = problems.manipulator.size
+        if sent is not None and (sent.manipulator.size, sent.scene.arm) != (size, plan.scene.arm):
+            raise InputError("sent: must be a motion of the plan's arm")
+        if response is not None and len(response.rate) != size:
+            raise InputError(f"response: is of {len(response.rate)} joints, must be of {size}")
         self.throw = plan.throw.deciding if sent is None else sent
         if not 0.0 < horizon < self.throw.command_time:
             most = f"below {self.throw.command_time:.3f}, when the gripper is told to open"
@@ -182,7 +187,7 @@ class Session:
 
     def _checked(self, t: float, q: Array, dq: Array, target: Pose | None) -> tuple[Array, Pose]:
         """Throwing joints and the target; InputError for what is wrong."""
-        checked("t", t, float, {"meaning": "s"})
+        checked("t", t, float, {"meaning": "s", "least": 0.0})
         if t <= self._time:
             raise InputError(f"t = {t:g}: must be above {self._time:g}, the last update's")
         if t > self._end_time:

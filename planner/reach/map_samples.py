@@ -42,7 +42,7 @@ MOST = 10_000_000
 #: Default number of sampled states.
 SAMPLES = 200_000
 #: Largest height and depth [m] of a map.
-FARTHEST = 1e4
+FARTHEST = 100.0
 
 
 @check_arguments
@@ -88,10 +88,11 @@ def reach_map(
     library = Library(scene, manipulator)
     if len(library):
         # Places out of reach are of the height that the library was made for.
+        landings = library.landings(height)[:2]
         beyond = library.records[library.records["boundary"] & (height == scene.aim.z)]
         empty = dataclasses.replace(
             empty,
-            solved=library.landings(height)[:2],
+            solved=landings[:, np.isfinite(landings).all(axis=0)],
             beyond=beyond["landing"].T.astype(float),
             binding=tuple(name.decode() for name in beyond["binding"][:, 0]),
         )

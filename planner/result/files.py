@@ -125,6 +125,8 @@ def read_plan(path: str | Path) -> SavedThrow:
     robust = plan.get("robust")
     words["robust"] = str(robust.get("method", "")) if isinstance(robust, dict) else ""
     throw = SavedThrow(scene, manipulator, motion, opening_time, samples, **words)  # type: ignore[arg-type]
+    if not throw.lands:
+        raise InputError(f"{path}: its throw never falls to the target's height")
     if scene.target is None or scene.target.velocity is None:
         return throw
     return dataclasses.replace(throw, scene=scene.aimed_at(scene.target.at(throw.landing_time)))

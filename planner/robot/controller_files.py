@@ -133,6 +133,8 @@ def write_franka(motion: JointMotion, folder: Path) -> None:
     write_json(folder / "franka.json", motion_facts(motion))
     if motion.picks:
         stops = find_stops(motion)
+        if not stops:
+            raise InputError("export: the arm can stop clear of everything nowhere in this cycle")
         rows = [np.vstack([motion.q[stop.sample], stop.q]) for stop in stops]
         begins = np.repeat([stop.sample for stop in stops], [len(q) for q in rows])
         write_table(folder / "stops.csv", {"cycle": begins, "q": np.vstack(rows)})

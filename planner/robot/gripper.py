@@ -72,7 +72,7 @@ class GripperLink:
         self.host, context = host, multiprocessing.get_context("spawn")
         self.states: list[GripperState] = []
         self.ordered: float | None = None
-        self._due = 0.0
+        self._due, self._number = 0.0, 0
         self._result: int | None = None
         self._pipe, other = context.Pipe()
         self._process = context.Process(target=_serve, args=(host, other), daemon=True)
@@ -84,6 +84,7 @@ class GripperLink:
         """Send `grasp` (width, inner and outer tolerance, speed, force) or `move` (width, speed)
         in `after` [s]."""
         self.states, self.ordered, self._result = self.states[-1:], None, None
+        self._number += 1
         self._due = time.monotonic() + after
         try:
             self._pipe.send((self._due, command, values))
@@ -120,7 +121,11 @@ class GripperLink:
                 raise self._failure(value)
             if kind == "state":
                 self.states.append(value)
-            elif kind == "ordered":
+                continue
+            number, value = value
+            if number != self._number:
+                continue  # Of an order before.
+            if kind == "ordered":
                 self.ordered = value
             else:
                 self._result = value
@@ -198,7 +203,7 @@ def _connect(orders: socket.socket, port: int) -> None:
 
 def _forward(pipe: Connection, orders: socket.socket, states: socket.socket) -> None:
     """Serve until the pipe ends (EOFError)."""
-    waiting: list[tuple[float, bytes]] = []
+    waiting: list[tuple[float, int, bytes]] = []
     number = 0
     inputs: list[Any] = [pipe, orders, states]
     while True:
@@ -210,8 +215,9 @@ def _forward(pipe: Connection, orders: socket.socket, states: socket.socket) -> 
             time.sleep(max(waiting[0][0] - now, 0.0))
             now = time.monotonic()
         if waiting and waiting[0][0] <= now:
-            orders.sendall(waiting.pop(0)[1])
-            pipe.send(("ordered", now))
+            _, sent, message = waiting.pop(0)
+            orders.sendall(message)
+            pipe.send(("ordered", (sent, now)))
         if states in ready:
             newest = _newest(states)
             # A parent that does not look must not stop the orders: it misses states.
@@ -221,12 +227,13 @@ def _forward(pipe: Connection, orders: socket.socket, states: socket.socket) -> 
             answered, payload = _received(orders)
             # A later order has taken the place of an earlier one.
             if answered == number:
-                pipe.send(("result", min(struct.unpack_from("<H", payload)[0], len(RESULTS) - 1)))
+                code = min(struct.unpack_from("<H", payload)[0], len(RESULTS) - 1)
+                pipe.send(("result", (number, code)))
         if pipe in ready:
             due, command, values = pipe.recv()
             number += 1
             payload = struct.pack(f"<{len(values)}d", *values)
-            waiting.append((due, _message(command, number, payload)))
+            waiting.append((due, number, _message(command, number, payload)))
 
 
 def _newest(states: socket.socket) -> GripperState | None:

@@ -77,6 +77,6 @@ def shown(cell: Cell, digits: int = 3) -> str:
         return f"{parts[0]} ({parts[1]} to {parts[2]})" if len(parts) == 3 else " ± ".join(parts)
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return "–"
-    if isinstance(cell, float):
+    if isinstance(cell, float) and math.isfinite(cell):
         return f"{cell:.0f}" if round(abs(cell)) >= 10**digits else f"{cell:.{digits}g}"
     return str(cell)

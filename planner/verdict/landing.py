@@ -100,8 +100,14 @@ def bound_words(scene: Scene, target: Pose, x: float, theta: float) -> str:
         near = np.maximum(near, [known.position, known.angle]).tolist()
     off = abs(x - target.plane_x), abs(theta - (target.theta or 0.0))
     ranges = zip(("x", "theta"), off, target.half_widths, near, strict=True)
-    # Of a range that is no wider than the tolerance every landing is near both bounds.
-    bounds = [name for name, far, half, room in ranges if half > room and far > half - room]
+    # Every landing in a range that is no wider than the tolerance is near both bounds.
+    least = (0.0, 0.0) if known is not None else near
+    wide = [half > room for half, room in zip(target.half_widths, least, strict=True)]
+    bounds = [
+        name
+        for (name, far, half, room), counts in zip(ranges, wide, strict=True)
+        if counts and far > half - room
+    ]
     if not bounds:
         return ""
     words = f"lands at the region's bound of {' and '.join(bounds)}"

@@ -73,11 +73,17 @@ class UrdfChain:
 
     @property
     def flange(self) -> str | None:
-        """The last link on the way to the tool that is no hand's by its name; None: the last joint
-        moves a hand."""
-        links = [joint.child for joint in self.path[self.path.index(self.joints[-1]) :]]
-        bare = itertools.takewhile(lambda link: not re.search(HAND, link, re.IGNORECASE), links)
-        return next(reversed([str(link) for link in bare]), None)
+        """The last link on the way to the tool that is no hand's by its name, and moves no fingers;
+        None: the last joint moves a hand."""
+        on_way = {joint.name for joint in self.path}
+
+        def is_hand(link: str) -> bool:
+            own = (joint for joint in hanging(self.robot, link) if joint.name not in on_way)
+            fingers = any(joint.type != "fixed" for joint in own)
+            return fingers or re.search(HAND, link, re.IGNORECASE) is not None
+
+        links = [str(joint.child) for joint in self.path[self.path.index(self.joints[-1]) :]]
+        return next(reversed([*itertools.takewhile(lambda link: not is_hand(link), links)]), None)
 
     def frames(self) -> tuple[JointFrame, ...]:
         """The arm's joint frames, then the hand's, each in the frame before, at angle 0.

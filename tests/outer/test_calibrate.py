@@ -429,3 +429,17 @@ def test_wrong_sections_are_refused(changes, words):
 def test_a_given_motion_has_no_calibration():
     with pytest.raises(tp.InputError, match=r"\[calibration\]: only for a scene with \[hand\]"):
         tp.load_scene("drop").replace(calibration=calibration())
+
+
+def test_a_known_mean_delay_is_no_bias() -> None:
+    """Throws that land where their plans say have none, however late the pads open."""
+    scene = tp.load_scene("pose")
+    delay = tp.Distribution(uniform=0.002, mean=0.01)
+    late = scene.replace(uncertainty=tp.Uncertainty(delay=delay))
+    planned = [tp.Planner(one, library=False).plan() for one in (scene, late)]
+    for plan in planned:
+        assert plan.solved
+        landing = plan.throw.deciding.landing
+        data = tp.throw_data([plan] * 9, [(landing.x, landing.theta)] * 9)
+        bias = tp.calibrate(data, plan.scene).section.bias
+        assert np.abs(bias) == pytest.approx(np.zeros(2), abs=2e-3)

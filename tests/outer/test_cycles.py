@@ -336,3 +336,29 @@ def test_folders_without_a_cycle_are_named(text, words, tmp_path, refused) -> No
     for command in commands:
         said = refused(*command)
         assert words in said and str(folder) in said
+
+
+def test_a_cycle_s_files_fit_each_other(cycled: Path, tmp_path: Path, refused) -> None:
+    """Steps that were edited, or lost, are refused by all that reads a cycle."""
+    shutil.copy(cycled / "motion.csv", tmp_path)
+    text = (cycled / "cycle.json").read_text()
+
+    def edited(change) -> str:
+        cycle = json.loads(text)
+        change(cycle["steps"])
+        (tmp_path / "cycle.json").write_text(json.dumps(cycle))
+        return refused("export", tmp_path, "--franka", tmp_path / "out")
+
+    early = edited(lambda steps: steps[0]["samples"].__setitem__(0, 1))
+    lost = edited(lambda steps: steps.pop())
+    assert "do not fit the column gripper" in early and "do not fit the column gripper" in lost
+    high = edited(lambda steps: steps[1]["definition"]["target"].update(z=50.0))
+    late = edited(lambda steps: steps[-1]["definition"]["gripper"].update(opening=2.0))
+    assert (
+        "step 2: " in high
+        and "must land" in high
+        and f"step {len(json.loads(text)['steps'])}" in late
+    )
+    wrong = edited(lambda steps: steps[0]["definition"]["contact"].update(friction="?"))
+    assert "step 1: [contact] friction" in wrong
+    assert not (tmp_path / "out").exists()

@@ -153,3 +153,24 @@ def test_what_can_be_followed(pose_planner, plan, planner_of, plan_of) -> None:
         planner_of("near-cup").follow(plan)
     with pytest.raises(tp.InputError, match=r"follow: only for a scene with \[robot\]"):
         planner_of("hand-box").follow(plan_of("hand-box"))
+
+
+@pytest.mark.parametrize("rate", [5.0, 50.0, 200.0, 450.0])
+@pytest.mark.parametrize("share", [-0.5, 0.0, 0.6])
+def test_a_lag_is_found_from_exact_joints(plan, rate, share) -> None:
+    """Also where a millisecond is a good part of the lag."""
+    sent = plan.throw.samples.q
+    law = Response(np.full(3, rate), np.full(3, share))
+    found = Response.fitted(sent, law.all(sent))
+    assert found.rate == pytest.approx(law.rate, rel=1e-6)
+    assert found.share == pytest.approx(law.share, abs=1e-6)
+
+
+def test_a_lag_of_a_rate_beyond_all_keeps_its_length(plan) -> None:
+    """0.8 ms by a quicker joint: fitted at the largest rate, and as close to the joints."""
+    sent = plan.throw.samples.q
+    q = Response(np.full(3, 1000.0), np.full(3, 0.2)).all(sent)
+    found = Response.fitted(sent, q)
+    assert (1.0 - found.share) / found.rate == pytest.approx(np.full(3, 8e-4), rel=1e-6)
+    off = np.abs(found.all(sent) - q).max()
+    assert off < np.abs(sent - q).max() / 4

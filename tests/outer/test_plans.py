@@ -195,6 +195,17 @@ def test_the_pieces_of_a_hand_s_motion_are_those_of_its_samples(saved, tmp_path,
         assert words in refused("sweep", folder)
 
 
+@pytest.mark.parametrize("command", ["sweep", "replay", "view", "export --ros out"])
+def test_a_throw_that_never_lands_is_no_plan(command, saved, tmp_path, refused) -> None:
+    """Its plan.json has been given a target above all that it reaches."""
+    folder = shutil.copytree(saved("near-cup"), tmp_path / "plan")
+    plan = json.loads((folder / "plan.json").read_text())
+    plan["definition"]["target"]["z"] = 50.0
+    (folder / "plan.json").write_text(json.dumps(plan))
+    name, *options = command.split()
+    assert "never falls to the target's height" in refused(name, folder, *options)
+
+
 @pytest.fixture
 def hand_box(planner_of) -> tp.Planner:
     return planner_of("hand-box")

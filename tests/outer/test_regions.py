@@ -309,3 +309,8 @@ def test_an_obstacle_may_stand_in_a_region() -> None:
     found = tp.Planner(scene, library=False).plan(patience=30.0)
     assert found.solved, found.message
     assert_inside(found.to_dict()["landing"]["limit_surface"], (0.95, 1.25), THETA)
+
+
+def test_a_region_inside_the_tolerance_has_no_bounds_to_be_near(pose_planner) -> None:
+    plan = pose_planner.plan(region(x=(1.199, 1.201), theta=(-0.004, 0.004)))
+    assert plan.solved and "bound of" not in plan.summary()

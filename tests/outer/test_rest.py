@@ -295,3 +295,10 @@ def test_no_success_is_given_up_for_a_rest_within_the_noise() -> None:
     plain, resting = tp.plan(scene), tp.plan(scene.replace(rest=tp.Rest(in_="cup")))
     rates = [tp.sweep(plan).success.mean() for plan in (plain, resting)]
     assert rates[1] > rates[0] - 0.02 and resting.rests.share >= 0.9
+
+
+def test_the_place_to_rest_on_is_one_obstacle() -> None:
+    scene = tp.load_scene("fr3")
+    boxes = tuple(tp.Obstacle("table", "box", (0.3, 0.3, 0.1), (x, 0.6, 0.1)) for x in (0.8, 1.6))
+    with pytest.raises(tp.InputError, match=r"on = 'table': several \[\[obstacle\]\]s"):
+        scene.replace(obstacle=boxes, rest=tp.Rest(on="table"))

@@ -177,6 +177,24 @@ def test_a_recording_that_begins_after_the_command_is_refused(plan, tmp_path) ->
         read_recording(tmp_path / "run.csv", motion)
 
 
+@pytest.mark.parametrize(
+    ("late", "words"), [([1.7e9] * 2, "t begins at 1.7e"), ([0.0, 50.0], "no row from t = ")]
+)
+def test_a_recording_by_another_clock_or_with_a_hole_is_refused(
+    plan, tmp_path, late, words
+) -> None:
+    motion = joint_motion(plan)
+    lagging(motion).save(tmp_path / "run.csv")
+    header, *rows = (tmp_path / "run.csv").read_text().splitlines()
+    moved = []
+    for number, row in enumerate(rows):
+        time, *cells = row.split(",")
+        moved.append(",".join([repr(float(time) + late[number > len(rows) // 2]), *cells]))
+    (tmp_path / "run.csv").write_text("\n".join([header, *moved]))
+    with pytest.raises(InputError, match=rf"run\.csv: {words}"):
+        read_recording(tmp_path / "run.csv", motion)
+
+
 def test_the_way_to_the_start_pose_keeps_the_limits(plan) -> None:
     motion, arm = joint_motion(plan), load_arm("fr3")
     way = approach(motion, HOME)

@@ -17,6 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 from throwplan.problems.job_files import jobs_names, load_jobs
+from throwplan.problems.scene_files import scene_from_table
 
 #: Only what has no default: a hand that throws.
 LEAST = """
@@ -198,7 +199,7 @@ def test_another_arm_or_gripper_is_loaded() -> None:
     assert scene.replace(robot=tp.Robot(arm="panda"), arm=own).arm is own
     for changes in (
         {"robot": tp.Robot(arm="iiwa41")},
-        {"gripper": tp.Gripper(file="iiwa41", force=100.0, opening=0.05)},
+        {"gripper": tp.Gripper(file="iiwa41", force=100.0, dwell=0.05, opening=0.05)},
     ):
         with pytest.raises(tp.InputError, match=r"iiwa41.*shipped: "):
             scene.replace(**changes)
@@ -505,3 +506,29 @@ def test_a_scene_s_throwing_joints_are_its_arm_s() -> None:
     assert other.table()["robot"]["throwing_joints"] == [2, 4]
     planner = tp.Planner(other, library=False)
     assert planner.manipulator.size == 2
+
+
+def test_what_a_grippers_file_leaves_to_the_scene_is_the_same_in_python_and_toml(tmp_path) -> None:
+    file = "robotiq-2f-85"
+    for keys in ({"force": 60.0, "opening": 0.03}, {"dwell": 0.0}, {"dwell": 0.0, "force": 60.0}):
+        lines = "".join(f"{key} = {value}\n" for key, value in keys.items())
+        text = re.sub(
+            r"(?s)\[gripper\].*?(?=\n\[)",
+            f"[gripper]\nfile = '{file}'\n{lines}",
+            tp.scene_text("iiwa14"),
+        )
+        (tmp_path / "scene.toml").write_text(text)
+        read, made = tp.load_scene(tmp_path / "scene.toml").gripper, tp.Gripper(file=file, **keys)
+        assert read.profile() == made.profile() and (read.dwell, read.force) == (
+            made.dwell,
+            made.force,
+        )
+    assert tp.Gripper(force=60.0, opening=0.03).dwell == 0.0
+
+
+def test_sections_of_defaults_alone_are_kept_in_tables() -> None:
+    for scene in (
+        tp.load_scene("cup").replace(robust=tp.Robust(), torque=tp.Torque(), choice=tp.Choice()),
+        tp.load_scene("drop"),
+    ):
+        assert scene_from_table(scene.table()) == scene

@@ -386,3 +386,18 @@ def test_a_fast_motion_passes_as_near_as_the_clearance(room: float, ok: bool, ca
     post = dataclasses.replace(post, clearance=float(away - room))
     scene = space.scene.replace(obstacle=(post,))
     assert judged(scene, samples).ok == ok
+
+
+def test_a_held_bar_s_distance_from_the_column_is_that_of_all_its_points() -> None:
+    """Of bars at random in space, long ones too: 2,000 points along each."""
+    scene = varied(tp.load_scene("pose"), object={"length": 0.8, "com": 0.4, "width": 0.05})
+    space = space_of(scene)
+    q = np.random.default_rng(0).uniform(-2.5, 2.5, (400, scene.arm.joints))
+    pads = space.spatial.pads(q, 0 * q, 0 * q)
+    first, last = space.held_ends(pads)[0]
+    points = first + np.linspace(0.0, 1.0, 2001)[:, None, None] * (last - first)
+    away = np.hypot(points[:, 0], points[:, 1]) - 0.06
+    expected = np.maximum(away, points[:, 2] - 0.45).min(axis=0) - 0.025
+    found = space.column_distance(pads, 0.06, 0.45)
+    assert found == pytest.approx(expected, abs=2e-4) and (found <= expected + 1e-9).all()
+    assert (expected < 0.0).any() and (expected > 0.3).any()
