@@ -48,7 +48,7 @@ static double between_segments(const segment *one, const segment *other)
     }
     double a = dot(d, d), b = dot(d, e), c = dot(d, r), g = dot(e, e), f = dot(e, r);
     double cross = a * g - b * b;
-    double s = cross > NONE ? clipped((b * f - c * g) / cross, 0.0, 1.0) : 0.0;
+    double s = cross > NONE * a * g ? clipped((b * f - c * g) / cross, 0.0, 1.0) : 0.0;
     double t = clipped((b * s + f) / (g > NONE ? g : 1.0), 0.0, 1.0);
     s = clipped((b * t - c) / (a > NONE ? a : 1.0), 0.0, 1.0);
     for (int i = 0; i < 3; i++)

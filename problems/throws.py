@@ -140,10 +140,11 @@ class ThrowData:
 
     @check_arguments
     def picked(self, numbers: Indices | list[int]) -> ThrowData:
-        """The data set of the given throws, by their numbers from 0; InputError for others."""
+        """The data set of the given throws, by their numbers from 0; InputError for others, and for
+        none."""
         count = len(self.throws)
-        if not all(-count <= i < count for i in numbers):
-            raise InputError(f"numbers: must be below {count}, the number of throws")
+        if not len(numbers) or not all(0 <= i < count for i in numbers):
+            raise InputError(f"numbers: must be at least one, each from 0 to below {count}")
         return dataclasses.replace(self, throws=tuple(self.throws[i] for i in numbers))
 
     @property

@@ -115,7 +115,7 @@ def read_plan(path: str | Path) -> SavedThrow:
     manipulator = make_manipulator(scene)
     samples = read_samples(path.parent / "motion.csv", _columns(manipulator))
     motion = samples.path
-    if scene.robot is None:
+    if scene.robot is None and "motion" in plan:  # Plans of earlier versions have samples only.
         with complete(path, "is not a complete plan file"):
             motion = _planned_motion(plan["motion"], samples)
     end = float(samples.times[-1])

@@ -245,11 +245,17 @@ class Plan:
     def draw(self, file: str | Path | None = None) -> Figure:
         """The picture of the throw, a Matplotlib figure, also written to `file` (.png) if given.
 
-        InputError for a plan without a throw.
+        InputError for a plan without a throw, and for a file that cannot be written.
         """
         throw = sent_throw(self)
         load = load_curve(throw) if self.robust else None
-        return show.draw_throw(throw, None if file is None else Path(file), load)
+        path = None if file is None else Path(file)
+        if path is not None and path.suffix != ".png":
+            raise InputError(f"file = {str(file)!r}: must be a .png file")
+        try:
+            return show.draw_throw(throw, path, load)
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror or error}") from None
 
     def path(self) -> PlanPath:
         """The throw over time: times, poses of the object and the hand, joints.

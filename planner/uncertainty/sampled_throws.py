@@ -46,13 +46,19 @@ def _models(throw: Throw, target: Pose) -> Iterator[Finding]:
         return
     words = "only one of sliding pivot and limit surface lands at the target's height"
     if math.isfinite(x):
+        allowed = [f"{1e3 * tolerance.position:g} mm"] if x > tolerance.position else []
+        if theta > tolerance.angle:
+            allowed.append(f"{math.degrees(tolerance.angle):g} deg")
         words = (
             f"sliding pivot and limit surface land {1e3 * x:.1f} mm and "
             f"{math.degrees(abs(pivot.theta - surface.theta)):.1f} deg apart, more than the "
-            f"tolerance of {1e3 * tolerance.position:g} mm and "
-            f"{math.degrees(tolerance.angle):g} deg"
+            f"tolerance of {' and '.join(allowed)}"
         )
-    yield Finding(Code.MODELS_DIFFER, x, tolerance.position, broken=False, note=words)
+    if x <= tolerance.position:
+        value, limit, body = theta, tolerance.angle, "angle"
+    else:
+        value, limit, body = x, tolerance.position, "position"
+    yield Finding(Code.MODELS_DIFFER, value, limit, body=body, broken=False, note=words)
 
 
 def _reserves(throw: Throw, target: Pose, robust: bool) -> Iterator[Finding]:

@@ -131,11 +131,15 @@ def _grip_between(motion: _SpatialMotion, samples: Samples) -> Iterator[Finding]
 
 def _low(motion: _SpatialMotion) -> Iterator[Finding]:
     floor = motion.space.scene.bounds.floor
-    if motion.held and floor is not None:
-        heights = motion.space.lowest_of_bar(motion.pads)
+    if floor is None:
+        return
+    lowest = {"hand": motion.pads.pose[:, 2, 3]}
+    if motion.held:
+        lowest[BAR] = motion.space.lowest_of_bar(motion.pads)
+    for body, heights in lowest.items():
         if floor - heights.min() > NEAR:
             when = float(motion.times[heights.argmin()])
-            yield Finding(Code.FLOOR, float(heights.min()), floor, when, BAR)
+            yield Finding(Code.FLOOR, float(heights.min()), floor, when, body)
 
 
 def _column(motion: _SpatialMotion) -> Iterator[Finding]:

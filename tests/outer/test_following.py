@@ -174,3 +174,15 @@ def test_a_lag_of_a_rate_beyond_all_keeps_its_length(plan) -> None:
     assert (1.0 - found.share) / found.rate == pytest.approx(np.full(3, 8e-4), rel=1e-6)
     off = np.abs(found.all(sent) - q).max()
     assert off < np.abs(sent - q).max() / 4
+
+
+def test_a_response_of_other_joints_and_a_time_before_the_motion_are_refused(
+    pose_planner, plan
+) -> None:
+    for joints in (2, 7):
+        other = Response(np.full(joints, 50.0), np.zeros(joints))
+        with pytest.raises(tp.InputError, match=f"response: is of {joints} joints, must be of 3"):
+            pose_planner.follow(plan, response=other)
+    session, samples = pose_planner.follow(plan), plan.throw.samples
+    with pytest.raises(tp.InputError, match="t = -1"):
+        session.update(-1.0, samples.q[0], samples.dq[0], plan.target)

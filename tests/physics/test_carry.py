@@ -401,3 +401,16 @@ def test_a_held_bar_s_distance_from_the_column_is_that_of_all_its_points() -> No
     found = space.column_distance(pads, 0.06, 0.45)
     assert found == pytest.approx(expected, abs=2e-4) and (found <= expected + 1e-9).all()
     assert (expected < 0.0).any() and (expected > 0.3).any()
+
+
+@pytest.mark.parametrize("above", [-0.01, 0.01])
+def test_an_empty_hand_stays_above_the_floor(above: float) -> None:
+    """Also of an arm whose data have no shapes."""
+    scene = tp.load_scene("pose")
+    scene = scene.replace(arm=dataclasses.replace(scene.arm, capsules=()))
+    q = states("pose", np.array([0.1]))[0]
+    still = Samples(np.repeat(q, 50, axis=0), *np.zeros((2, 50, q.shape[1])))
+    height = space_of(scene).spatial.pads(*still.rows).pose[0, 2, 3]
+    found = judged(varied(scene, workspace={"floor": float(height) + above}), still, held=False)
+    broken = [(f.body, f.value) for f in found.broken if f.code is Code.FLOOR]
+    assert broken == ([("hand", pytest.approx(height))] if above > 0 else [])
