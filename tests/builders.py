@@ -67,6 +67,24 @@ def edit_plan(folder: Path, **changes: Any) -> Path:
     return folder
 
 
+def fit_gripper(folder: Path) -> Path:
+    """The column gripper of a cycle's motion.csv made anew for its cycle.json; the folder."""
+    steps = json.loads((folder / "cycle.json").read_text())["steps"]
+    header, *lines = (folder / "motion.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines]
+    column = header.split(",").index("gripper")
+    for row in rows:
+        held = (
+            TICK * one["samples"][0] <= float(row[0])
+            and float(row[0]) < one["opening_time"] - one["definition"]["gripper"]["dwell"]
+            for one in steps
+        )
+        row[column] = "1" if any(held) else "0"
+    text = [header, *(",".join(row) for row in rows)]
+    (folder / "motion.csv").write_text("\n".join(text) + "\n")
+    return folder
+
+
 def with_grip(cycle: Cycle, share: float) -> Cycle:
     """The cycle with a share of the grip force that each carry needs by the verdict."""
     steps = []

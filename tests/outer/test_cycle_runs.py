@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builders import fit_gripper
 from simulated_robot import TICK, simulated
 from throwplan.planner.robot import (
     Franka,
@@ -234,7 +235,7 @@ def edited(cycled: Path, folder: Path, change: Callable[[dict[str, Any]], None])
     change(table)
     (folder / "cycle.json").write_text(json.dumps(table))
     (folder / "motion.csv").write_text((cycled / "motion.csv").read_text())
-    return folder
+    return fit_gripper(folder)
 
 
 def shorten(table: dict[str, Any]) -> None:

@@ -16,7 +16,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import edit_plan
+from builders import edit_plan, fit_gripper
 
 JOINTS = range(1, 8)
 
@@ -355,6 +355,6 @@ def test_an_edited_cycle_is_not_sent(cycled, tmp_path, refused) -> None:
     table = json.loads((folder / "cycle.json").read_text())
     table["steps"][0]["definition"]["gripper"]["dwell"] = 1.0
     (folder / "cycle.json").write_text(json.dumps(table))
-    said = refused("export", folder, "--ros", tmp_path / "bag")
+    said = refused("export", fit_gripper(folder), "--ros", tmp_path / "bag")
     assert "before it is held" in said
     assert not (tmp_path / "bag").exists()

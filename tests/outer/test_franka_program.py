@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builders import fit_gripper
 from throwplan.planner.robot import export, joint_motion
 
 JOINTS = range(1, 8)
@@ -58,7 +59,7 @@ def test_what_a_franka_hand_cannot_do_is_not_exported(cycled, tmp_path, refused)
     samples = table["steps"][1]["samples"]
     samples[0] = samples[1] - 300
     (folder / "cycle.json").write_text(json.dumps(table))
-    said = refused("export", folder, "--franka", tmp_path / "f")
+    said = refused("export", fit_gripper(folder), "--franka", tmp_path / "f")
     assert "(pick 2 of 2): the hand closes at" in said and not (tmp_path / "f").exists()
 
 

@@ -353,7 +353,7 @@ def test_joints_by_number_or_all_on_the_way_to_the_tool(tmp_path, odd_file, odd,
     words = ["--force", "--out", out, "--acceleration", "10", "--jerk", "1000"]
     hand = ["--tool", "hand", "--approach=-x", "--closing", "z"]
     assert main([str(word) for word in ("import-robot", odd_file, *words, *hand)]) == 0
-    assert "joint_names = ['turn', 'lift', 'bend', 'roll', 'flick']" in out.read_text()
+    assert 'joint_names = ["turn", "lift", "bend", "roll", "flick"]' in out.read_text()
     said = refused("import-robot", odd_file, *words, lines=4)
     assert "one of hand, pad-1, pad1, after_flick" in said
     line = refused("import-robot", odd_file, *words, "--tool", "hand", "--joints", "1", "6")
