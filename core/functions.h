@@ -134,12 +134,12 @@ EXPORT void cup_entries(const scene *s, int64_t count,
                         double *found         /* [count] m */
 );
 
-/* Many flights of one motion. found: least distances [m] from column and palm (infinite where the reference
-   says that neither is near), when the bar is too near to the palm at first [s after detach], clearance in the
-   cup [m], whether any body may be near. */
+/* Many flights of one motion. found: least distance [m] from the column (infinite where the reference says
+   that it is not near), when the bar is too near to the palm at first [s after detach], clearance in the cup
+   [m], whether any body may be near. */
 EXPORT void measure_flights(const throw *shared, const reference *r, int64_t count,
                             const flown_sample *flights, /* [count] */
-                            double *found                /* [count][5] */
+                            double *found                /* [count][4] */
 );
 
 /* All that comes too near to anything in a throw; how many there are, -1 without memory. */

@@ -839,7 +839,7 @@ CLONES EXPORT void cup_entries(const scene *s, int64_t count, const double *deta
 CLONES EXPORT void measure_flights(const throw *shared, const reference *r, int64_t count,
                                    const flown_sample *flights, double *found)
 {
-    for (int64_t k = 0; k < count; k++, found += 5) {
+    for (int64_t k = 0; k < count; k++, found += 4) {
         scene around;
         throw t = throw_of(shared, flights + k, &around);
         const object o = object_of(&around);
@@ -852,9 +852,8 @@ CLONES EXPORT void measure_flights(const throw *shared, const reference *r, int6
         if (around.cup_radius >= 0.0)
             m.cup = enter(&t, &o);
         found[0] = m.column_flown.value;
-        found[1] = m.palm.value;
-        found[2] = m.palm_time;
-        found[3] = m.cup;
-        found[4] = near;
+        found[1] = m.palm_time;
+        found[2] = m.cup;
+        found[3] = near;
     }
 }

@@ -242,6 +242,10 @@ def sticking_state(pose: Value, twist: Value, grasp_angle: Value, com_offset: Va
     return [x + x_r, z + z_r, angle, *com_twist(v_x, v_z, omega, x_r, z_r)]
 
 
+#: Longest flight [s]: without gravity an object may hardly fall.
+LONGEST = 100.0
+
+
 # Free flight; `write_core_laws` writes `after` and `fall_time` as C.
 
 
@@ -285,7 +289,7 @@ class FlightLaw:
         )
 
     def fall_time(self, state: FlightState, height: Value) -> Value:
-        """Time [s] until the CoM falls through `height` [m]; NaN if it never does.
+        """Time [s] until the CoM falls through `height` [m]; NaN if it takes over `LONGEST`.
 
         In the NLP the flight time is an unknown with a polynomial constraint, which has no NaN.
         """
@@ -298,7 +302,7 @@ class FlightLaw:
             falling = 2 * drop / xp.maximum(root - v_z, 1e-300)
             straight = xp.where(v_z < 0, drop / xp.maximum(-v_z, 1e-300), np.nan)
             time = xp.where(g > 0, xp.where(v_z > 0, (v_z + root) / g, falling), straight)
-            return xp.where(time >= 0, time, np.nan)
+            return xp.where(time >= 0, xp.where(time <= LONGEST, time, np.nan), np.nan)
 
     def calibrated(self, detach: FlightState, time: Value) -> FlightState:
         """The state at detach of a flight of `time` [s] that ends `bias` farther.

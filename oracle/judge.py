@@ -22,7 +22,7 @@ LANDING = 1e-4, math.radians(0.05)
 EVERY = 20
 #: Least speed [m/s] at which a bar must fall through the target's height.
 FALLS = 0.02
-#: Excess [s] over the latest arrival that is allowed.
+#: Time [s] before the earliest or after the latest arrival that is allowed.
 LATE = TICK
 
 
@@ -244,7 +244,7 @@ class Oracle:
                 found["landing speed"] = at_most(speed, bounds.speed_max)
             if bounds.rate_max is not None:
                 found["landing rate"] = at_most(np.abs(detach[:, 5]), bounds.rate_max)
-        if target.arrival is not None and planned:
+        if target.arrival is not None:
             first, last = np.broadcast_to(target.arrival, 2)
             found["arrival"] = at_most(lands, last + LATE)
             found["arrival, earliest"] = at_least(lands, first - LATE)

@@ -36,7 +36,8 @@ class InterceptionSettings:
     throw takes at most this share of it. max_speedup: a planned throw may be faster than that by
     this factor. usual_time [s]: a throw takes longer only if it must; for later times the arm
     waits. max_throws: most throws planned, each aimed at the target's place when the one before
-    lands. equal_ticks [samples]: times that differ by less are equal. max_change [s]: of the time
+    lands. equal_ticks [samples]: times that differ by less are equal. slack [s]: after the earliest
+    arrival, in the first half of its window, for pads that open early. max_change [s]: of the time
     from one throw to the next. max_miss [m]: largest way of the target between its time and the
     landing.
     """
@@ -50,6 +51,7 @@ class InterceptionSettings:
     usual_time: float = 1.0
     max_throws: int = 12
     equal_ticks: float = 1e-3
+    slack: float = 0.05
     max_change: float = 0.5
     max_miss: float = 2e-5
 
@@ -70,6 +72,8 @@ def intercept(
     if target.at_rest:
         return plan_at(target, None)
     earliest, latest = target.window
+    if target.arrival is not None:
+        earliest = min(earliest + SETTINGS.slack, (earliest + latest) / 2)
     if not target.speed:
         return _intercept_from(target, plan_at, earliest)
 

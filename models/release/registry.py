@@ -99,7 +99,7 @@ MODELS = {
             "#e0912f",
             SlidingPivotRelease(),
             steps=48,
-            chunk=8192,
+            chunk=1024,
             decides=True,
         ),
         ReleaseModel(
@@ -151,7 +151,7 @@ MODELS = {
             "#4c78a8",
             SteppedRelease(),
             steps=120,
-            chunk=8192,
+            chunk=1024,
             decides=True,
         ),
         ReleaseModel(

@@ -20,7 +20,6 @@ from .outlines import (
     grasp_distance,
     held_bar,
     lowest_of_bar,
-    outline_ends,
     palm_corners,
     palm_distance,
     reach_of_bar,

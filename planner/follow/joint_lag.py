@@ -33,6 +33,8 @@ class Response(ReadOnly):
                 raise InputError("rate, share: must be one number per joint each")
             if np.asarray(values).dtype.kind not in "fiu" or not np.isfinite(values).all():
                 raise InputError("rate, share: must be finite numbers")
+        if not np.all(self.rate > 0.0):
+            raise InputError("rate: must be above 0")
 
     @classmethod
     @check_arguments

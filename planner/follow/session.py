@@ -366,8 +366,9 @@ class Session:
             found.throw, path=path, samples=samples, known_release=found.throw.release
         )
         # A law of two numbers says where the joints are, not what turns them. It may land off the
-        # target as long as it lands nearer than before.
-        judged = verdict(throw, found.goal, sent=sent, driven=sent).without(Code.LANDING)
+        # target, or its time, as long as it lands nearer than before.
+        judged = verdict(throw, found.goal, sent=sent, driven=sent)
+        judged = judged.without(Code.LANDING, Code.ARRIVAL)
         return judged.broken[0] if judged.broken else None
 
     def _brake_to_rest(self, first: int) -> str:

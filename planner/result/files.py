@@ -117,7 +117,8 @@ def read_plan(path: str | Path) -> SavedThrow:
     motion = samples.path
     if scene.robot is None and "motion" in plan:  # Plans of earlier versions have samples only.
         with complete(path, "is not a complete plan file"):
-            motion = _planned_motion(plan["motion"], samples)
+            detach = opening_time + scene.gripper.profile().opening
+            motion = _planned_motion(plan["motion"], samples, detach - 1e-6)
     end = float(samples.times[-1])
     if not 0.0 <= opening_time <= end:
         raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
@@ -138,14 +139,17 @@ def motion_entries(motion: Trajectory) -> dict[str, Any]:
     return {"breaks": motion.breaks, "coefficients": pieces, "kinks": motion.kinks}
 
 
-def _planned_motion(entries: dict[str, Any], samples: Samples) -> Trajectory:
-    """The motion of `motion_entries`; InputError unless the samples are of it."""
+def _planned_motion(entries: dict[str, Any], samples: Samples, detach: float) -> Trajectory:
+    """The motion of `motion_entries`; InputError unless it goes on until `detach` [s] and the
+    samples are of it."""
     breaks, pieces, kinks = (
         np.array(entries[k], float) for k in ("breaks", "coefficients", "kinks")
     )
     if pieces.shape[1:] != (samples.q.shape[1], len(breaks) - 1) or not (np.diff(breaks) > 0).all():
         raise ValueError
     motion = Trajectory(breaks, pieces[..., None], kinks)
+    if motion.end < detach:
+        raise InputError("motion: ends before the pads are open")
     times = samples.times[samples.times <= motion.end]
     off = np.abs(motion.at(times).pose.T - samples.q[: len(times)])
     if not off.max(initial=0.0) <= SAME_MOTION:

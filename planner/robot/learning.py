@@ -295,7 +295,7 @@ class Proposal:
         samples = Samples(*(control.basis @ coefficients))
         sent = dataclasses.replace(expected, path=samples.path, samples=samples)
         # The next recording corrects the landing error, so that does not forbid sending.
-        judged = verdict(expected, sent=sent).without(Code.LANDING)
+        judged = verdict(expected, sent=sent).without(Code.LANDING, Code.ARRIVAL)
         return cls(sent, expected, _error(expected), judged)
 
     @property

@@ -62,8 +62,11 @@ def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
     lines += _sensitivities(result["sensitivity"])
     mean = 1e3 * plan.scene.mean_delay
     about = f" of the mean of {mean:g} ms" if mean else ""
-    inside = DelayScan(**result["delay_inside"]).words
-    lines.append(f"  it succeeds {inside}{about}, all else as planned; {result['time']:.1f} s")
+    inside = DelayScan(**result["delay_inside"])
+    words = f"it succeeds {inside.words}"
+    if not inside.fails:
+        words += f"{about}, all else as planned"
+    lines.append(f"  {words}; {result['time']:.1f} s")
     return "\n".join(lines)
 
 

@@ -34,9 +34,14 @@ class DelayScan:
     late: float | None
 
     @property
+    def fails(self) -> bool:
+        """Whether the nominal throw fails."""
+        return self.early == self.late == 0.0
+
+    @property
     def words(self) -> str:
         """The delays within which the throw succeeds, as text."""
-        if self.early == self.late == 0.0:
+        if self.fails:
             return "at no delay: it fails as planned"
         return f"up to {_borne(self.early)} early and {_borne(self.late)} late"
 

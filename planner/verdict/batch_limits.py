@@ -281,10 +281,10 @@ class MotionLimits:
             broken[code] = np.zeros(count, bool)
             broken[code][lands] = flags
 
-        measured, core = np.empty((len(rows), 5)), library()
+        measured, core = np.empty((len(rows), 4)), library()
         shared = self.batch.throw.core
         core.measure_flights(shared, self._reference, len(rows), rows, measured)
-        column, _, palm_time, cup, near = measured.T
+        column, palm_time, cup, near = measured.T
         if column_of(scene) is not None:
             add(Code.COLUMN, column < -NEAR)
         if scene.bounds.palm_clearance is not None:

@@ -29,8 +29,8 @@ CENTRAL = 1e-4
 ACROSS = 0.05
 #: Distance from a face, over the mesh's size, in which it is looked whether a mesh is solid.
 SKIN = 1e-6
-#: Most pairs of points and triangles in that look.
-PAIRS = 20_000_000
+#: Most pairs of faces and triangles in that look: some seconds.
+PAIRS = 1_000_000
 #: Decimals of lengths [m] in files.
 PLACES = 5
 #: A triangle of a binary STL file: normal, three corners, and two bytes without a meaning.
@@ -188,7 +188,10 @@ def _is_met(corners: Array) -> bool:
     """Whether the origin is in one of the triangles (F, 3, 2) of a plane."""
     ahead = np.roll(corners, -1, axis=1)
     sides = corners[..., 0] * ahead[..., 1] - corners[..., 1] * ahead[..., 0]
-    return bool(((sides >= 0.0).all(axis=1) | (sides <= 0.0).all(axis=1)).any())
+    inside = (sides >= 0.0).all(axis=1) | (sides <= 0.0).all(axis=1)
+    # Seen edge on, a triangle is a line; those beside it in a closed mesh are not.
+    area, size = np.abs(sides.sum(axis=1)), np.ptp(corners, axis=(0, 1)).max()
+    return bool((inside & (area > SKIN * size**2)).any())
 
 
 def _short(value: float) -> float:
