@@ -99,8 +99,9 @@ def _print_error(error: InputError | CoreError, words: list[str]) -> int:
     lines = [_printable(line) for line in str(error).splitlines()]
     if "--json" in words:
         print(json.dumps({"error": "\n".join(lines)}))
-    for line in lines:
-        print(f"throwplan: {line}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # Nobody reads them: the status says it.
+        for line in lines:
+            print(f"throwplan: {line}", file=sys.stderr)
     return WRONG_INPUT
 
 
@@ -112,6 +113,11 @@ def _discard_output() -> None:
 
 def _set_up_process() -> None:
     """Sets up a process of its own: signals end the work, pictures go to files."""
+    # Streams that are closed, as under some daemons, read nothing and write nowhere. Opened in this
+    # order they take their own numbers, which no other file may have.
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
     INTERRUPTS.listen("throwplan")
     os.environ["MPLBACKEND"] = "agg"
     # MuJoCo, which only simulates here, would start a process to look for a window system.

@@ -46,8 +46,6 @@ from .common import (
 
 #: Sampled throws of a drawn scene's reach.
 DRAWN = 20_000
-#: Message of `prepare` without a cache folder.
-NOT_KEPT = "not kept: there is no cache folder"
 ROBUST = (
     "plan against the scene's [uncertainty], or without that section an opening up to 10 ms early "
     "or late (default: as the scene's [robust], or not at all)"
@@ -268,6 +266,10 @@ def prepare(options: argparse.Namespace) -> int:
     name, requested, started = scene.name, options.throws, time.perf_counter()
     planner = Planner(scene)
     library, before = planner.library, planner.prepared
+    if library.folder is None:
+        raise InputError(
+            "prepare: there is no cache folder to keep throws in: THROWPLAN_CACHE must name one"
+        )
     try:
         with Progress(name) as progress:
             count = planner.prepare(
@@ -276,8 +278,7 @@ def prepare(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         INTERRUPTS.accept()
         kept = f"{planner.prepared:,} throws are kept; run the command again to continue"
-        words = NOT_KEPT if library.folder is None else kept
-        return fail(f"interrupted: {words}", INTERRUPTED)
+        return fail(f"interrupted: {kept}", INTERRUPTED)
     seconds = time.perf_counter() - started
     result = {
         "scene": name,
@@ -285,14 +286,14 @@ def prepare(options: argparse.Namespace) -> int:
         "added": count - before,
         "edge": len(library.records) - count,
         "bytes": library.records.nbytes,
-        "folder": None if library.folder is None else str(library.folder),
+        "folder": str(library.folder),
         "time": seconds,
     }
     new = f"{count - before:,}" if count > before else "none"
     text = (
         f"{name}: {count:,} solved throws, {new} of them new, {result['edge']:,} places out of "
         f"reach, {library.records.nbytes / 1e6:.1f} MB, in {seconds:.0f} s\n"
-        f"  {NOT_KEPT if library.folder is None else library.folder}"
+        f"  {library.folder}"
     )
     if 0 < count < requested:
         text += (

@@ -9,6 +9,7 @@ import pty
 import random
 import re
 import resource
+import shlex
 import shutil
 import signal
 import subprocess
@@ -78,6 +79,26 @@ def test_a_full_standard_output_is_one_line(words, tmp_path) -> None:
     assert err.endswith("throwplan: standard output: No space left on device\n")
     assert err.count("\n") == 1 + ("nowhere" in words), err
     assert process.returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "status"),
+    [
+        ("scenes >&-", 0),
+        ("scenes 2>&-", 0),
+        ("plan --help >&-", 0),
+        ("plan nowhere 2>&-", 2),
+        ("plan nowhere 2>/dev/full", 2),
+        ("plan hand-flip 2>&- --json", 0),
+    ],
+)
+def test_streams_that_are_closed_are_none_of_its_matters(words, status) -> None:
+    """As of a daemon's job: it works, and its status says how it ended."""
+    command = f"{shlex.quote(sys.executable)} -m throwplan {words}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert done.returncode == status and "Traceback" not in done.stderr
+    if "--json" in words:
+        assert json.loads(done.stdout)["status"] == "solved"
 
 
 def test_what_does_not_fit_leaves_no_folder(tmp_path) -> None:
