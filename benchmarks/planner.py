@@ -147,7 +147,7 @@ def make(effort: Effort) -> ReportSection:
             *(_default(name, found) for name, found in scenes.items()),
             "The table has the settings that no other beats in solving time, error before "
             "correction and effort at once, and the default, all without machine code "
-            f"(`{_mesh(load_scene('cup'))}`, FATROP, then IPOPT where that fails). Effort: the "
+            f"(`{_mesh(load_scene('cup'))}`, FATROP alone). Effort: the "
             "NLP's cost, squared accelerations and jerks.",
         ],
         [_together(list(scenes.values())), table],

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+import statistics
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -111,7 +112,7 @@ def _often(folder: Path) -> Iterator[str]:
             "over what is in reach, up to its edge; some are just out of reach. A target counts as "
             "solved if the motion that is sent breaks no limit of the arm and lands within the "
             "scene's tolerance (mostly 2 mm and 0.5°) by the limit surface. `throwplan prepare` "
-            "solves throws ahead. A target out of reach takes the longest: up to 6 s."
+            "solves throws ahead. A target out of reach takes the longest."
         )
         yield "\n".join(Table("often", "", table).markdown())
 
@@ -218,7 +219,7 @@ def _curve(rows: Rows, method: str) -> list[tuple[float, float]]:
         errors = [float(run[MODEL] or math.nan) for run in runs]
         times = sorted(float(run[TIME] or math.nan) for run in runs)
         if all(math.isfinite(value) for value in (*errors, *times)):
-            points.append((1e-3 * times[len(times) // 2], max(errors)))
+            points.append((1e-3 * statistics.median(times), max(errors)))
     return sorted(points)
 
 
