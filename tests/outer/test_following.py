@@ -186,3 +186,15 @@ def test_a_response_of_other_joints_and_a_time_before_the_motion_are_refused(
     session, samples = pose_planner.follow(plan), plan.throw.samples
     with pytest.raises(tp.InputError, match="t = -1"):
         session.update(-1.0, samples.q[0], samples.dq[0], plan.target)
+
+
+@pytest.mark.parametrize("jump", [0.03, -0.03])
+def test_a_target_with_a_time_is_followed_though_it_is_hit_at_another(pose_planner, jump) -> None:
+    """A throw to another place lands some milliseconds earlier or later."""
+    target = pose_planner.scene.target.changed(arrival=1.0)
+    plan = pose_planner.plan(target)
+    assert plan.solved
+    session, there = pose_planner.follow(plan, HORIZON), target.changed(x=target.x + jump)
+    played(session, lambda t: target if t < 0.04 else there)
+    assert abs(session.throw.landing_time - plan.throw.landing_time) > 1e-3
+    check_hit(session, there)

@@ -139,13 +139,13 @@ def test_pads_that_close_on_nothing_are_refused(refused, tmp_path) -> None:
     ring = trimesh.creation.annulus(0.03, 0.05, 0.01)
     ring.export(tmp_path / "ring.stl")
     words = ("--mass", "0.1", "--out", tmp_path / "out.toml")
-    beside = ("--grasp", "-0.05", "0", "0.03", *Y)
-    for file, grasp in (
-        (tmp_path / "ring.stl", ("--grasp", "0.02", "0", "0")),
-        (hammer(tmp_path, "touch"), beside),
-    ):
-        line = refused("import-object", file, *words, *grasp)
+    # Beside the handle, in the plane of its side, and in that of the head's.
+    for height in ("0.03", "0.01001", "0.05"):
+        beside = ("--grasp", "-0.05", "0", height, *Y)
+        line = refused("import-object", hammer(tmp_path, "touch"), *words, *beside)
         assert "--grasp: the pads close on nothing" in line
+    line = refused("import-object", tmp_path / "ring.stl", *words, "--grasp", "0.02", "0", "0")
+    assert "--grasp: the pads close on nothing" in line
 
 
 def test_a_scene_s_mesh_is_in_its_outline(refused, run, bar_mesh) -> None:
