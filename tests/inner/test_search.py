@@ -489,3 +489,19 @@ def test_what_is_out_of_reach_says_nothing_of_targets_of_another_kind() -> None:
     for target, solver in ((region, "auto"), (angle, "auto"), (first, "ipopt")):
         plan = planner.plan(target, solver=solver, patience=60.0)
         assert not plan.solved and plan.attempts > 12
+
+
+@pytest.mark.parametrize("degrees", [-90.0, 90.0])
+def test_a_bar_that_is_turned_round_in_the_hand_is_thrown_alike(degrees: float) -> None:
+    """One held at its middle, whose end behind the pads must clear the floor, too."""
+    scene = tp.load_scene("hand-box")
+    scene = scene.replace(
+        hand=dataclasses.replace(scene.hand, start=None),
+        grasp=dataclasses.replace(scene.grasp, angle=math.radians(degrees)),
+        workspace=tp.Workspace(floor=0.45),
+        target=scene.target.changed(z=0.7),
+    )
+    planner = tp.Planner(scene, library=False)
+    for x, z in ((-1.6, 1.2), (1.6, 1.2), (2.0, 1.0)):
+        plan = planner.plan(scene.target.changed(x=x, z=z))
+        assert plan.solved, (x, z, plan.message)

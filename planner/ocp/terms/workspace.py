@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ....models.robot import PlanarArm
+from ....problems import Scene
 from ...clearance import grasp_distance
 from ...throw import column_of
 from ..request import PALM_TIMES, Request
@@ -50,11 +51,13 @@ PASSING_MARGIN = SETTINGS.passing_margin
 class Floor(SceneConstraint):
     """Bar, arm and hand above the floor.
 
-    arm: includes joints and hand (lazy constraint "carry"). body: the hand has a body.
+    arm: includes joints and hand (lazy constraint "carry"). body: the hand has a body. back: the
+    bar reaches behind the pads.
     """
 
     arm: bool
     body: bool
+    back: bool
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
@@ -69,15 +72,20 @@ class Floor(SceneConstraint):
                 "body_front": arm.tool.palm_front,
                 "body_half_width": arm.tool.palm_half_width,
             }
-        return cls(values, "carry" in refinement.lazy, arm is not None)
+        back = _reaches_back(request.scene)
+        return cls(values, "carry" in refinement.lazy, arm is not None, back)
 
     def at_instant(self, at: Instant) -> None:
-        """The bar's far end, joint frames, the hand and its body not below the floor."""
+        """The bar's ends, joint frames, the hand and its body not below the floor."""
         if at.grip == "none":
             return
         p, margin, arm = at.p, at.held_margin, at.ocp.kinematics
-        for z, radius in _heights(at):
-            at.subject_to("floor", z - radius - p("floor") - margin, low=0.0)
+        if at.ocp.structure.parts:
+            heights = [z - point.radius for _, z, point in at.held_points()]
+        else:
+            heights = [z - p("half_width") for _, z, *_ in _ends(at, self.back)]
+        for height in heights:
+            at.subject_to("floor", height - p("floor") - margin, low=0.0)
         if not self.arm:
             return
         pose, *_ = at.hand
@@ -91,19 +99,26 @@ class Floor(SceneConstraint):
             at.subject_to("floor", height - (p("floor") + margin), low=0.0)
 
 
-def _heights(at: Instant) -> list[tuple[ca.SX, ca.SX | float]]:
-    """Heights [m] of the held bar's far end, or of all ends of an outline's capsules, and what is
-    below them."""
-    if at.ocp.structure.parts:
-        return [(z, point.radius) for _, z, point in at.held_points()]
-    return [(at.bar_end[1], at.p("half_width"))]
+def _reaches_back(scene: Scene) -> bool:
+    """Whether a bar, which has no outline, is held farther than at its end."""
+    return not scene.object.outline and scene.grasp.offset > 0.0
+
+
+def _ends(at: Instant, back: bool) -> list[tuple[ca.SX, ca.SX, ca.SX, ca.SX]]:
+    """The held bar's far end, and the one behind the pads, as `Instant.bar_end`."""
+    x, z, cos, sin = at.bar_end
+    length = at.p("ahead") + at.p("behind")
+    near = [(x - length * cos, z - length * sin, cos, sin)] if back else []
+    return [(x, z, cos, sin), *near]
 
 
 @dataclass(frozen=True)
 class Column(SceneConstraint):
-    """The bar clear of the base column. passing: in flight too (lazy constraint "passing")."""
+    """The bar clear of the base column. passing: in flight too (lazy constraint "passing"); back:
+    the bar reaches behind the pads."""
 
     passing: bool
+    back: bool
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
@@ -118,16 +133,16 @@ class Column(SceneConstraint):
             "held_margin": refinement.margins["held"],
             "passing_margin": PASSING_MARGIN + refinement.margins["passing"],
         }
-        return cls(values, "passing" in refinement.lazy)
+        return cls(values, "passing" in refinement.lazy, _reaches_back(request.scene))
 
     def at_instant(self, at: Instant) -> None:
-        """The held bar's far end clear of the column."""
+        """The held bar's ends clear of the column."""
         if at.grip == "none":
             return
         if at.ocp.structure.parts:
             clear = [_disc_distance(at, x, z, point) for x, z, point in at.held_points()]
         else:
-            clear = [_distance(at, *at.bar_end)]
+            clear = [_distance(at, *end) for end in _ends(at, self.back)]
         for distance in clear:
             at.subject_to("base column", distance - at.held_margin, low=0.0)
 
