@@ -281,7 +281,7 @@ class Scenarios(SceneConstraint):
             com_offset = value["com_offset"] - (value["grasp_offset"] - scene.grasp.offset)
             names = ("mass", "inertia", "friction", "patch_radius", "grasp_angle")
             values |= {f"{name} {i}": value[name] for name in names}
-            values |= {f"com_offset {i}": max(com_offset, 0.0)}
+            values |= {f"com_offset {i}": com_offset}
             values[f"grip_force {i}"] = profile.force(since)
         return cls(values, len(request.window.delays))
 
