@@ -85,6 +85,12 @@ INLINE double fall_time(const double start[6], double height, double gravity)
     w2 = w2 != 0.0 ? w7 : 0.0;
     w6 = w6 + w2;
     w0 = w0 <= w6 ? 1.0 : 0.0;
+    w2 = 1000.0;
+    w2 = w6 <= w2 ? 1.0 : 0.0;
+    w6 = w2 != 0.0 ? w6 : 0.0;
+    w2 = w2 == 0.0 ? 1.0 : 0.0;
+    w2 = w2 != 0.0 ? w3 : 0.0;
+    w6 = w6 + w2;
     w6 = w0 != 0.0 ? w6 : 0.0;
     w0 = w0 == 0.0 ? 1.0 : 0.0;
     w0 = w0 != 0.0 ? w3 : 0.0;

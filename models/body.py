@@ -243,7 +243,7 @@ def sticking_state(pose: Value, twist: Value, grasp_angle: Value, com_offset: Va
 
 
 #: Longest flight [s]: without gravity an object may hardly fall.
-LONGEST = 100.0
+LONGEST = 1000.0
 
 
 # Free flight; `write_core_laws` writes `after` and `fall_time` as C.
