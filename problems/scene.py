@@ -346,10 +346,8 @@ class Scene(Section):
         return tuple(sentences)
 
     def table(self) -> dict[str, Any]:
-        """The scene as the tables of a file, with the data of its arm as table `arm`.
-
-        It includes the data of other files, such as a recorded grip force.
-        """
+        """The scene as the tables of a file, with the data of its arm as table `arm`, and of other
+        files, such as a recorded grip force."""
         table: dict[str, Any] = {key: getattr(self, key) for key in TOP_KEYS}
         for key in SECTIONS:
             section = getattr(self, key)
@@ -364,11 +362,9 @@ class Scene(Section):
             table["gripper"].pop(key, None)
         if self.arm is not None:
             table["arm"] = arm_table(self.arm)
-        # A section whose keys all have their defaults counts, if it may be left out.
-        given = {key for key in SECTIONS if getattr(self, key) is not None}
+        # A section of defaults alone counts, if it may be left out.
         optional = {field.name for field in dataclasses.fields(self) if field.default is None}
-        keep = given & optional
-        return {k: value for k, value in table.items() if k in keep or value not in ({}, [], "")}
+        return {k: v for k, v in table.items() if k in optional or v not in ({}, [], "")}
 
     @property
     def place(self) -> str:

@@ -14,8 +14,8 @@ import numpy as np
 
 from ...models import Array, ReadOnly, Trajectory
 from ...models.robot import PlanarArm
-from ...problems import InputError, check_arguments
-from ...problems.files import read_csv, read_json
+from ...problems import InputError, Scene, check_arguments
+from ...problems.files import plain, read_csv, read_json
 from ...problems.scene_files import scene_from_table
 from ..show import over_time
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
@@ -133,14 +133,19 @@ def read_plan(path: str | Path) -> SavedThrow:
     return dataclasses.replace(throw, scene=scene.aimed_at(scene.target.at(throw.landing_time)))
 
 
-def motion_entries(motion: Trajectory) -> dict[str, Any]:
-    """A free hand's planned motion as JSON: its pieces, highest power first, by axis."""
-    pieces = motion.coefficients[..., 0]
-    return {"breaks": motion.breaks, "coefficients": pieces, "kinks": motion.kinks}
+def entries_of(plan: dict[str, Any], throw: Throw | None, scene: Scene) -> dict[str, Any]:
+    """plan.json of a plan's `to_dict`: with the scene that `read_plan` needs, and the pieces of a
+    free hand's motion, highest power first, by axis."""
+    found = {"format": FORMAT, **plan, "definition": scene.table()}
+    if throw is not None and scene.robot is None:
+        motion = throw.path
+        pieces = {"coefficients": motion.coefficients[..., 0], "kinks": motion.kinks}
+        found["motion"] = plain({"breaks": motion.breaks, **pieces})
+    return found
 
 
 def _planned_motion(entries: dict[str, Any], samples: Samples, detach: float) -> Trajectory:
-    """The motion of `motion_entries`; InputError unless it goes on until `detach` [s] and the
+    """The motion of `entries_of`; InputError unless it goes on until `detach` [s] and the
     samples are of it."""
     breaks, pieces, kinks = (
         np.array(entries[k], float) for k in ("breaks", "coefficients", "kinks")

@@ -24,17 +24,7 @@ from ..verdict import (
     drop_words,
     verdict,
 )
-from .files import (
-    FILES,
-    FORMAT,
-    PlanPath,
-    SavedThrow,
-    Status,
-    motion_entries,
-    path_of,
-    read_plan,
-    write_motion,
-)
+from .files import FILES, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan, write_motion
 from .planned_throw import PLAIN, PlannedThrow
 
 if TYPE_CHECKING:
@@ -175,8 +165,6 @@ class Plan:
         throw, arm = self.throw, self.scene.arm
         if throw is not None:
             more["decides"] = throw.decides
-            if self.scene.robot is None:
-                more["motion"] = plain(motion_entries(throw.deciding.path))
         more["findings"] = [finding.to_dict() for finding in self.verdict.findings]
         if self.verdict.warnings:
             more["warning"] = "; ".join(finding.words for finding in self.verdict.warnings)
@@ -217,10 +205,9 @@ class Plan:
                     failure = self._draw_files(throw, scratch, draw)
                     seconds = {"draw": time.perf_counter() - start}
                     plan = replace(self, time=self.time | seconds)
-            # `definition` is the scene that `read_plan` needs.
-            scene = self.scene.aimed_at(self.target).table()
-            document = {"format": FORMAT, **plan.to_dict(), "definition": scene}
-            write_json(scratch / "plan.json", document)
+            thrown = None if self.throw is None else self.throw.deciding
+            aimed = self.scene.aimed_at(self.target)
+            write_json(scratch / "plan.json", entries_of(plan.to_dict(), thrown, aimed))
         if failure:
             raise InputError(
                 f"--out {folder}: the plan is written, its pictures are not: {failure}"
@@ -243,10 +230,8 @@ class Plan:
 
     @check_arguments
     def draw(self, file: str | Path | None = None) -> Figure:
-        """The picture of the throw, a Matplotlib figure, also written to `file` (.png) if given.
-
-        InputError for a plan without a throw, and for a file that cannot be written.
-        """
+        """The picture of the throw, a Matplotlib figure, also written to `file` (.png) if given;
+        InputError for a plan without a throw, and for a file that cannot be written."""
         throw = sent_throw(self)
         load = load_curve(throw) if self.robust else None
         path = None if file is None else Path(file)
@@ -395,10 +380,8 @@ def throw_of(plan: Plan | Throw | str | Path) -> Throw:
 
 
 def plan_of(plan: Plan | SavedThrow | str | Path) -> Plan:
-    """A plan, also from a saved one: its throw as sent, without the NLP behind it.
-
-    InputError without a throw.
-    """
+    """A plan, also from a saved one: its throw as sent, without the NLP behind it; InputError
+    without a throw."""
     if isinstance(plan, Plan):
         return plan
     saved = plan if isinstance(plan, SavedThrow) else read_plan(plan)
