@@ -242,11 +242,11 @@ def sticking_state(pose: Value, twist: Value, grasp_angle: Value, com_offset: Va
     return [x + x_r, z + z_r, angle, *com_twist(v_x, v_z, omega, x_r, z_r)]
 
 
+# Free flight; `write_core_laws` writes `after` and `fall_time` as C.
+
+
 #: Longest flight [s]: without gravity an object may hardly fall.
 LONGEST = 1000.0
-
-
-# Free flight; `write_core_laws` writes `after` and `fall_time` as C.
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ def intercept(
     plan = _intercept_from(target, plan_at, earliest, is_beyond)
     if plan.solved or earliest == latest:
         return plan
-    times = TIMES[(earliest <= TIMES) & (latest >= TIMES)].tolist()
+    times = TIMES[(target.window[0] <= TIMES) & (latest >= TIMES)].tolist()
     shares = {time: sampled(time)[1] / time for time in times if not is_beyond(time)}
     for time in _spread(shares):
         aim = target.changed(arrival=time) if time < SETTINGS.usual_time else target
@@ -133,8 +133,9 @@ def _intercept_from(
     before: tuple[float, float] | None = None
     words = "no throw found: the time of its landing does not settle while the target moves"
     until = (TICK, target.window[1]) if target.window[1] < math.inf else None
-    # One time may be missed by a sample on either side, a window of times must contain the landing.
-    exact, equal = target.window[1] == earliest, SETTINGS.equal_ticks
+    # One time, or a window of hardly more, may be missed by a sample on either side; a wider window
+    # must contain the landing.
+    exact, equal = target.window[1] < earliest + 2 * TICK, SETTINGS.equal_ticks
     least, most = (equal - 1.0, 1.0 - equal) if exact else (-equal, 2.0)
     for number in range(SETTINGS.max_throws):
         if number and is_beyond(time):

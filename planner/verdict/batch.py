@@ -163,7 +163,7 @@ class Judge:
         at_end = scene.flight.after(FlightState(*flights.start.T), time)
         end = x, np.full(len(x), target.z), theta, at_end.v_x, at_end.v_z, at_end.omega
         miss = target.miss(x - flights.way, theta)
-        at = LandingStates(*miss, end, flights.freed + time)
+        at = LandingStates(*miss, flights.start.T, end, flights.freed + time)
         broken: dict[Code, Flags] = {}
         for use in landing_uses(scene, target, at):
             broken[use.code] = np.asarray(use.broken | broken.get(use.code, False))

@@ -50,12 +50,13 @@ class LimitUse(NamedTuple):
 
 @dataclass(frozen=True)
 class LandingStates:
-    """Landings of throws, floats or arrays (N,): dx [m] and dtheta [rad] off the target; end
-    (6, ...) of the flight, x, z, theta and their rates; lands: landing time [s] on the motion's
+    """Landings of throws, floats or arrays (N,): dx [m] and dtheta [rad] off the target; start and
+    end (6, ...) of the flight, x, z, theta and their rates; lands: landing time [s] on the motion's
     clock, None if no limit of it counts."""
 
     dx: Any
     dtheta: Any
+    start: Any
     end: Any
     lands: Any
 
@@ -125,7 +126,7 @@ def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -
     target, (x, theta, time) = scene.aim, landing.T
     at = scene.flight.after(FlightState(*detach.T), time)
     end = x, np.full(len(x), target.z), theta, at.v_x, at.v_z, at.omega
-    uses = landing_uses(scene, target, LandingStates(0.0 * x, 0.0 * x, end, None))
+    uses = landing_uses(scene, target, LandingStates(0.0 * x, 0.0 * x, detach.T, end, None))
     good = ~np.logical_or.reduce([np.broadcast_to(use.broken, len(x)) for use in uses])
     if scene.cup is not None:
         shifted = detach.copy()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import astuple
 from itertools import pairwise
 
 import numpy as np
@@ -65,7 +66,7 @@ def _broken(uses: list[LimitUse], time: float | None = None) -> list[Finding]:
 def _landing(throw: Throw, target: Pose) -> list[Finding]:
     state, lands = throw.landing.state, throw.landing_time
     end = state.x, state.z, state.theta, state.v_x, state.v_z, state.omega
-    at = LandingStates(*throw.miss(target), end, lands)
+    at = LandingStates(*throw.miss(target), astuple(throw.landing.start), end, lands)
     return _broken(landing_uses(throw.scene, target, at), lands)
 
 
