@@ -560,7 +560,7 @@ static void strayed(const release *r, int64_t count, double (*rows)[7], double s
     for (int64_t n = 0; n < count; n++) {
         hand_at(&k, rows[n][0], hand);
         double held = hand[2][0] + r->angle, h = r->law[2];
-        stray[0] = fmax(stray[0], hypot(rows[n][1] - hand[0][0] - h * cos(held),
+        stray[0] = fmax(stray[0], length(rows[n][1] - hand[0][0] - h * cos(held),
                                         rows[n][2] - hand[1][0] - h * sin(held)));
         stray[1] = fmax(stray[1], fabs(rows[n][3] - held));
     }

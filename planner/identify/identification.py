@@ -138,8 +138,8 @@ def identify(
 
     model: of the release; if empty the one that the prior scene's tolerance names, or the limit
     surface. prior: a belief of these unknowns, or a scene whose [contact] and [uncertainty] are
-    one. about(words) gives the progress of a part. InputError for an unknown model, and if the
-    throws cannot tell the unknowns.
+    one; its mean delay stands if none is fitted. about(words) gives the progress of a part.
+    InputError for an unknown model, and if the throws cannot tell the unknowns.
     """
     if not model:
         model = prior.tolerance.model if isinstance(prior, Scene) else STEPPED_SURFACE
@@ -147,6 +147,7 @@ def identify(
     optional = {"delay": delay, "grip_scale": grip_scale}
     names = tuple(name for name in UNKNOWNS if optional.get(name, True))
     if isinstance(prior, Scene):
+        data = data if delay else data.delayed(prior.mean_delay)
         prior = prior_of(prior, names)
     elif prior is not None:
         names = prior.names

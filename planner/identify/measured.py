@@ -178,11 +178,10 @@ def _recorded(name: str, plan: Plan, landing: tuple[float, float] | None) -> Mea
 
 
 def _recorded_grip(scene: Scene) -> TableGrip:
-    """The grip force from the command on, as a recording has it: it falls after the mean delay."""
+    """The grip force from the command on, as a recording has it, without a delay beyond `dwell`."""
     profile = scene.gripper.profile()
     if isinstance(profile, TableGrip):
-        return profile.delayed(scene.mean_delay)
-    dwell = profile.dwell + scene.mean_delay
-    ends = [dwell, dwell + profile.opening]
-    start = [] if dwell == 0 else [0.0]
+        return profile
+    ends = [profile.dwell, profile.dwell + profile.opening]
+    start = [] if profile.dwell == 0 else [0.0]
     return TableGrip([*start, *ends], [*[profile.full] * (len(start) + 1), 0.0])

@@ -57,7 +57,7 @@ class Residuals(ReadOnly):
 def recorded_residuals(
     data: ThrowData, scene: Scene, fit: bool, progress: Progress | None = None
 ) -> Residuals:
-    """Of a data set with recordings, by the scene's model and contact.
+    """Of a data set with recordings, by the scene's model, contact and mean delay.
 
     fit: by a contact fitted to the other throws. InputError for another object, grip force or shape
     of the contact than the scene's.
@@ -74,6 +74,7 @@ def recorded_residuals(
     for throw in data.throws:
         _check_object(throw.name, throw.object.mass, throw.object.com, scene)
         _check_force(throw.name, throw.grip.full, scene)
+    data = data.delayed(scene.mean_delay)
     model, predictor = scene.tolerance.model, Predictor.of(data)
     names = [throw.name for throw in data.throws]
     whole = None

@@ -242,19 +242,18 @@ def replay(
     among the scene's cup, hand and base column. The cup is fixed and rigid, with the floor
     under it; what hits these leaves with `restitution` (0 to 0.99) of its speed. All is as a target
     that moves sees it: in its frame, which is the plan's when the object lands.
-    step, flight_step [s]: of the opening, and after it. InputError for what is no plan, and
-    without MuJoCo.
+    step, flight_step [s]: of the opening, and after it. InputError for what is no plan, a throw
+    that never lands, and without MuJoCo.
     """
     checked("points", points, int, {"least": 1, "most": 64})
     check_replay(restitution, step=step, flight_step=flight_step)
-    start_time, throw = time.perf_counter(), throw_of(throw)
+    start_time, throw = time.perf_counter(), _landing_throw(throw)
     height = throw.target.z
     opening, states = release_run(throw, step, points)
     states[:, 0] -= target_travel(throw, opening)
     states[:, 3] -= throw.target.speed
     detach, start = states[-1], float(opening[-1])
     expected = throw.deciding.landing.flight_time
-    expected = expected if math.isfinite(expected) else 1.0
     duration = 1.2 * expected + 0.2
     fine = duration / float(np.clip(math.ceil(duration / flight_step), 100, 20_000))
     free = fly_alone(throw, detach, start, start + duration, fine)
@@ -327,15 +326,20 @@ def _draw(replay: Replay, path: Path) -> None:
     save(figure, path)
 
 
+def _landing_throw(plan: Plan | Throw | str | Path) -> Throw:
+    """The throw of a plan; InputError without one that lands."""
+    throw = throw_of(plan)
+    if not throw.lands:
+        raise InputError("the throw never falls to the target's height")
+    return throw
+
+
 def throw_to_rest(plan: Plan | Throw | str | Path) -> tuple[SpaceThrow, str]:
     """A throw over time until it rests in its cup, and the reason if it stops at the target.
 
     InputError without a throw that lands.
     """
-    throw = throw_of(plan)
-    if not throw.lands:
-        place = f"{plan}: thrown again, it" if isinstance(plan, str | Path) else "view: the throw"
-        raise InputError(f"{place} does not land")
+    throw = _landing_throw(plan)
     scene, rest, why = throw.scene, throw.scene.rest, ""
     if rest is None and scene.cup is not None:
         rest = Rest(in_="cup")

@@ -443,3 +443,6 @@ def test_a_known_mean_delay_is_no_bias() -> None:
         data = tp.throw_data([plan] * 9, [(landing.x, landing.theta)] * 9)
         bias = tp.calibrate(data, plan.scene).section.bias
         assert np.abs(bias) == pytest.approx(np.zeros(2), abs=2e-3)
+        found = tp.identify(data, prior=plan.scene).posterior
+        contact = plan.scene.contact
+        assert found.product == pytest.approx(contact.friction * contact.patch_radius, rel=1e-2)
