@@ -129,8 +129,7 @@ class MeasuredThrow(ReadOnly):
 
 @dataclasses.dataclass(frozen=True)
 class ThrowData:
-    """A data set: throws, shared properties, the arm of its joints, and the true parameters of
-    synthetic throws (for comparison only)."""
+    """Throws, what they share, the arm of their joints, and a synthetic set's truth, to compare."""
 
     name: str
     shared: Shared
@@ -140,8 +139,7 @@ class ThrowData:
 
     @check_arguments
     def picked(self, numbers: Indices | list[int]) -> ThrowData:
-        """The data set of the given throws, by their numbers from 0; InputError for others, and for
-        none."""
+        """The data set of some throws, by numbers from 0; InputError for others, and for none."""
         count = len(self.throws)
         if not len(numbers) or not all(0 <= i < count for i in numbers):
             raise InputError(f"numbers: must be at least one, each from 0 to below {count}")
