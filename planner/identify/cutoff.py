@@ -31,18 +31,21 @@ class CutoffEffect:
     """How a fit depends on the low-pass of the recorded joints.
 
     cutoff [Hz]: of the fit; chosen: as the one that lands the throws nearest, not given; beside:
-    pairs of other cutoffs [Hz] and mu r_p [m] with these.
+    pairs of other cutoffs [Hz] and mu r_p [m] with these; edge: "lowest" or "highest" of those
+    that were tried, a better one may lie beyond, else empty.
     """
 
     cutoff: float
     chosen: bool
     beside: tuple[tuple[float, float], ...]
+    edge: str = ""
 
     @property
     def words(self) -> str:
         """The same as a line."""
         others = ", ".join(f"{1e3 * mu_r:.4g} mm at {at:.0f} Hz" for at, mu_r in self.beside)
         origin = "the nearest landings" if self.chosen else "given"
+        origin += f", the {self.edge} tried" if self.edge else ""
         effect = (
             f"mu r_p {others}; included in +-" if others else "at this rate no other is possible"
         )
@@ -100,12 +103,14 @@ def fit_at_cutoff(data: ThrowData, fit_problem: Callable[[float | None], FitProb
     problem, point, cost = fits[place]
     others = [k for k in (place - 1, place + 1) if k in fits]
     beside = tuple((cutoffs[k], fits[k][0].belief(fits[k][1]).product) for k in others)
+    ends = {0: "lowest", len(cutoffs) - 1: "highest"} if given is None and others else {}
+    edge = ends.get(place, "")
     shifts = np.array([fits[k][1] - point for k in others]).reshape(-1, point.size)
     return CutoffFit(
         problem,
         point,
         cost,
         shifts.T @ shifts / max(len(others), 1),
-        CutoffEffect(cutoffs[place], given is None, beside),
+        CutoffEffect(cutoffs[place], given is None, beside, edge),
         sum(other.evaluations for other, *_ in fits.values()),
     )

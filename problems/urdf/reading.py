@@ -187,6 +187,8 @@ def _expanded(path: Path, arguments: Mapping[str, str]) -> ElementTree.Element:
                 f"the ROS package '{name}' is not found: the environment variable ROS_PACKAGE_PATH "
                 "must name the folder that holds it"
             ) from None
+        if kind == "RecursionError":
+            raise InputError("a macro or a file of the xacro calls itself without an end") from None
         known = f" (its arguments, NAME:=VALUE: {', '.join(sorted(values))})" if values else ""
         raise ValueError(f"{error}{known}") from None
     _refuse_unknown(values, arguments)

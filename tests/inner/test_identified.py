@@ -279,8 +279,17 @@ def test_noisy_joints_tell_the_true_contact(swings) -> None:
     assert found.cutoff.chosen and 35 < found.cutoff.cutoff < 110
     assert "cutoff" in found.summary() and found.to_dict()["fit"]["cutoff"]["chosen"]
     (below, small), (above, large) = smooth.cutoff.beside
-    assert not smooth.cutoff.chosen and below < 30.0 < above
+    assert not smooth.cutoff.chosen and below < 30.0 < above and not smooth.cutoff.edge
     assert small < smooth.posterior.product < large < found.posterior.product
+
+
+@pytest.mark.slow
+def test_a_cutoff_that_the_rate_limits_is_called_the_highest_tried(swings) -> None:
+    """A fifth of the samples leaves cutoffs up to 39 Hz, below the best."""
+    data = recorded(swings, 0)
+    few = [dataclasses.replace(t, times=t.times[::5], motion=t.motion[::5]) for t in data.throws]
+    found = identify(dataclasses.replace(data, throws=tuple(few)))
+    assert found.cutoff.edge == "highest" and "the highest tried" in found.summary()
 
 
 @pytest.mark.slow

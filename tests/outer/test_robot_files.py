@@ -156,3 +156,6 @@ def test_a_xacro_s_missing_package_and_macros_alone_are_one_clear_line(
     macros.write_text(f'<robot {XACRO}><xacro:macro name="arm" params="a"/></robot>')
     line = refused("import-robot", macros, *words)
     assert "no links; of a file that only defines xacro macros, give the one that calls" in line
+    endless = '<xacro:macro name="a"><xacro:a/></xacro:macro><xacro:a/>'
+    line = refused("import-robot", xacro(tmp_path, endless), *words)
+    assert "a macro or a file of the xacro calls itself without an end" in line
