@@ -145,11 +145,6 @@ class ThrowData:
             raise InputError(f"numbers: must be at least one, each from 0 to below {count}")
         return dataclasses.replace(self, throws=tuple(self.throws[i] for i in numbers))
 
-    def delayed(self, delay: float) -> ThrowData:
-        """The data set whose grip forces fall later by `delay` [s]."""
-        throws = [dataclasses.replace(one, grip=one.grip.delayed(delay)) for one in self.throws]
-        return dataclasses.replace(self, throws=tuple(throws))
-
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences about the defaults of keys that objects leave out."""

@@ -19,7 +19,7 @@ from ..workers import Progress
 from .belief import Belief, applied, contact_text, prior_of
 from .cutoff import CutoffEffect, fit_at_cutoff
 from .fit import FitProblem
-from .measured import SURFACE, batch_surface
+from .measured import SURFACE, batch_surface, delayed
 from .predict import MISSED, UNKNOWNS, Predictor, check_model
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def identify(
     optional = {"delay": delay, "grip_scale": grip_scale}
     names = tuple(name for name in UNKNOWNS if optional.get(name, True))
     if isinstance(prior, Scene):
-        data = data if delay else data.delayed(prior.mean_delay)
+        data = data if delay else delayed(data, prior.mean_delay)
         prior = prior_of(prior, names)
     elif prior is not None:
         names = prior.names

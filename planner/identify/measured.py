@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -175,6 +175,12 @@ def _recorded(name: str, plan: Plan, landing: tuple[float, float] | None) -> Mea
         track=None,
         factors={},
     )
+
+
+def delayed(data: ThrowData, delay: float) -> ThrowData:
+    """The data set whose grip forces fall later by `delay` [s]."""
+    throws = [replace(throw, grip=throw.grip.delayed(delay)) for throw in data.throws]
+    return replace(data, throws=tuple(throws))
 
 
 def _recorded_grip(scene: Scene) -> TableGrip:

@@ -17,6 +17,7 @@ from ..throw import Throw
 from ..workers import Progress
 from .belief import Belief
 from .identification import identify
+from .measured import delayed
 from .predict import Predictor, parameter_sets
 
 #: Columns of a CSV file of plans and the landings of their throws.
@@ -74,7 +75,7 @@ def recorded_residuals(
     for throw in data.throws:
         _check_object(throw.name, throw.object.mass, throw.object.com, scene)
         _check_force(throw.name, throw.grip.full, scene)
-    data = data.delayed(scene.mean_delay)
+    data = delayed(data, scene.mean_delay)
     model, predictor = scene.tolerance.model, Predictor.of(data)
     names = [throw.name for throw in data.throws]
     whole = None
