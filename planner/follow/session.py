@@ -187,7 +187,7 @@ class Session:
 
     def _checked(self, t: float, q: Array, dq: Array, target: Pose | None) -> tuple[Array, Pose]:
         """Throwing joints and the target; InputError for what is wrong."""
-        checked("t", t, float, {"meaning": "s", "least": 0.0})
+        checked("t", t, float, {"meaning": "s"})
         if t <= self._time:
             raise InputError(f"t = {t:g}: must be above {self._time:g}, the last update's")
         if t > self._end_time:

@@ -203,9 +203,11 @@ def _log_normal(value: float, deviation: float) -> tuple[float, ...]:
     return tuple(float(f"{value * share:.6g}") for share in shares)
 
 
-def contact_text(belief: Belief, shared: PadContact | Shared) -> str:
+def contact_text(
+    belief: Belief, shared: PadContact | Shared, uncertainty: Uncertainty | None = None
+) -> str:
     """The sections [contact] and [uncertainty] for a scene file; shared: has the keys of [contact]
-    that were not fitted."""
+    that were not fitted; uncertainty: of the scene with the belief, if the scene is known."""
     known = belief.effective
     contact: dict[str, Any] = {
         k: float(f"{known.value(k):.6g}") for k in ("friction", "patch_radius")
@@ -213,7 +215,7 @@ def contact_text(belief: Belief, shared: PadContact | Shared) -> str:
     contact |= {"torsion": shared.torsion, "faces": shared.faces}
     if shared.shape is not None:
         contact |= {"shape": shared.shape, "coefficients": list(shared.coefficients)}
-    tables = {"contact": contact, "uncertainty": uncertainty_of(belief).table()}
+    tables = {"contact": contact, "uncertainty": (uncertainty or uncertainty_of(belief)).table()}
     lines = [
         "# In place of the [contact] and [uncertainty] of a scene. The uncertainty is that of the",
         "# mean by this model: not the scatter from throw to throw, nor the model's own error.",

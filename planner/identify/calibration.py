@@ -119,8 +119,8 @@ class Calibrated:
 
     def text(self) -> str:
         """[calibration] for a scene file; with [contact] and [uncertainty] if they were fitted."""
-        fit, contact = self.residuals.fit, self.scene.contact
-        before = "" if fit is None else contact_text(fit, contact) + "\n"
+        fit, known = self.residuals.fit, self.scene
+        before = "" if fit is None else contact_text(fit, known.contact, known.uncertainty) + "\n"
         return f"{before}# From {self.source}.\n{self.section.text}\n"
 
     @check_arguments

@@ -19,7 +19,7 @@ from ..workers import Progress
 from .belief import Belief, applied, contact_text, prior_of
 from .cutoff import CutoffEffect, fit_at_cutoff
 from .fit import FitProblem
-from .measured import SURFACE, batch_surface, delayed
+from .measured import SURFACE, batch_surface
 from .predict import MISSED, UNKNOWNS, Predictor, check_model
 
 if TYPE_CHECKING:
@@ -138,8 +138,9 @@ def identify(
 
     model: of the release; if empty the one that the prior scene's tolerance names, or the limit
     surface. prior: a belief of these unknowns, or a scene whose [contact] and [uncertainty] are
-    one; its mean delay stands if none is fitted. about(words) gives the progress of a part.
-    InputError for an unknown model, and if the throws cannot tell the unknowns.
+    one. delay [s]: of the opening beyond the fall of the recorded force, 0 unless fitted.
+    about(words) gives the progress of a part. InputError for an unknown model, and if the throws
+    cannot tell the unknowns.
     """
     if not model:
         model = prior.tolerance.model if isinstance(prior, Scene) else STEPPED_SURFACE
@@ -147,7 +148,6 @@ def identify(
     optional = {"delay": delay, "grip_scale": grip_scale}
     names = tuple(name for name in UNKNOWNS if optional.get(name, True))
     if isinstance(prior, Scene):
-        data = data if delay else delayed(data, prior.mean_delay)
         prior = prior_of(prior, names)
     elif prior is not None:
         names = prior.names

@@ -13,7 +13,7 @@ from ...problems import InputError, Scene
 from ...problems.files import csv_lines, table_number
 from ...problems.throws import ThrowData
 from ..result import read_plan
-from ..throw import Throw
+from ..throw import TICK, Throw
 from ..workers import Progress
 from .belief import Belief
 from .identification import identify
@@ -61,7 +61,7 @@ def recorded_residuals(
     """Of a data set with recordings, by the scene's model, contact and mean delay.
 
     fit: by a contact fitted to the other throws. InputError for another object, grip force or shape
-    of the contact than the scene's.
+    of the contact than the scene's, and where recorded forces may hold its mean delay already.
     """
     for key in ("torsion", "faces", "shape", "coefficients"):
         there, here = getattr(data.shared, key), getattr(scene.contact, key)
@@ -75,7 +75,9 @@ def recorded_residuals(
     for throw in data.throws:
         _check_object(throw.name, throw.object.mass, throw.object.com, scene)
         _check_force(throw.name, throw.grip.full, scene)
-    data = delayed(data, scene.mean_delay)
+    if scene.mean_delay:
+        _check_dwell(data, scene)
+        data = delayed(data, scene.mean_delay)
     model, predictor = scene.tolerance.model, Predictor.of(data)
     names = [throw.name for throw in data.throws]
     whole = None
@@ -161,4 +163,17 @@ def _check_force(name: str, force: float, scene: Scene) -> None:
         raise InputError(
             f"throw {name}: its grip force is {force:.4g} N, must be within "
             f"{100 * SAME_FORCE:g} % of [gripper] force = {own:.4g} of the scene"
+        )
+
+
+def _check_dwell(data: ThrowData, scene: Scene) -> None:
+    """InputError for forces that fall after another dwell than the scene's, from which its mean
+    delay counts."""
+    mean, dwell = scene.mean_delay, scene.gripper.profile().dwell
+    fall = float(np.mean([throw.grip.dwell for throw in data.throws]))
+    if abs(fall - dwell) > max(abs(mean) / 2, TICK):
+        raise InputError(
+            f"{data.name}: the grip force falls {1e3 * fall:.1f} ms after the command, must be "
+            f"after [gripper] dwell = {1e3 * dwell:.1f} ms of the scene: the mean {1e3 * mean:.1f} "
+            "ms of its [uncertainty] delay counts from there"
         )

@@ -34,7 +34,7 @@ from .records import Records, are_valid, optimum_in, record_of, record_type
 Turns = Literal["exact", "any"]
 #: Version of the records. Raise it where a field or a number of `ReducedVariables` gets another
 #: meaning, and where the reach grows: landings that no throw was found for are not tried again.
-FORMAT = 6
+FORMAT = 7
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ...problems import Pose
+from ...problems import Pose, Scene
 from ..library import Library, Records
 from ..ocp import Optimum
 from ..samples import Releases, sparse_parents, starts
@@ -100,7 +100,7 @@ def grow(
     cells: Cells | None = Cells.of(*landings, throws, angle=library.angle)
     if executor is not None:
         # Workers on this machine then find the machine code in the cache.
-        target, refinement = problems.scene.aim, first_refinement(problems.scene)
+        target, refinement = _at_rest(problems.scene), first_refinement(problems.scene)
         for elastic in (False, True):
             nlp = problems.problem(target.middle, refinement, "fatrop", Clock(), elastic=elastic)
             nlp.solver.compile()
@@ -117,6 +117,11 @@ def grow(
         cells = cells.finer(SETTINGS.finer_by * throws / max(len(library), 1))
 
 
+def _at_rest(scene: Scene) -> Pose:
+    """The scene's target without velocity and time: throws of a library serve any of them."""
+    return scene.aim.changed(velocity=None, arrival=None)
+
+
 class LibraryBuilder:
     """Solves a throw into each of `cells` that a neighbour leads to, `most` throws at most."""
 
@@ -124,7 +129,7 @@ class LibraryBuilder:
         self, solver: CellSolver, releases: Releases, library: Library, cells: Cells, most: float
     ) -> None:
         self._solver, self._releases, self._library = solver, releases, library
-        self._target, self._cells, self._most = solver.problems.scene.aim, cells, most
+        self._target, self._cells, self._most = _at_rest(solver.problems.scene), cells, most
         self._solved: dict[Cell, KnownThrow] = {}
         self._failures: dict[Cell, int] = {}
         #: Cells that may be beyond the boundary, to be approached; those that were; those proven.

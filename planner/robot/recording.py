@@ -95,8 +95,9 @@ class Recording(ReadOnly):
             )
         if not plan.target.speed or not throw.lands:
             return throw
-        # A target that moves is elsewhere when the measured throw lands.
-        there = plan.target.at(throw.landing_time)
+        # A target that moves is elsewhere when the measured throw lands; a corrected motion begins
+        # earlier than its plan's, so that the clocks agree at the opening.
+        there = plan.target.at(throw.landing_time - opening_time + plan.opening_time)
         return replace(throw, scene=plan.scene.aimed_at(there))
 
     def throwing(self, plan: Throw) -> tuple[Array, Array, Array]:
@@ -159,11 +160,12 @@ class Recording(ReadOnly):
         """The limits that the measured throw breaks.
 
         A measured throw may use up the clearances of its plan, as in a sweep. Limits of joints are
-        judged on the plan's motion: recorded joints are too noisy to differentiate.
+        judged on the plan's motion: recorded joints are too noisy to differentiate. The time of
+        arrival is not judged: a corrected motion begins earlier than its plan's.
         """
         bare = throw.in_scene(throw.scene.without_clearances())
-        noisy = Code.TORQUE, Code.TORQUE_RATE, Code.TOOL_SPEED
-        judged = verdict(bare, sent=plan).without(*noisy, Code.LANDING)
+        others = Code.TORQUE, Code.TORQUE_RATE, Code.TOOL_SPEED, Code.ARRIVAL, Code.LANDING
+        judged = verdict(bare, sent=plan).without(*others)
         if error is None or judged.cup:
             return judged.broken
         off = outside_tolerance(plan.scene.tolerance, error["position"], error["angle"])

@@ -190,8 +190,8 @@ def _is_met(corners: Array) -> bool:
     sides = corners[..., 0] * ahead[..., 1] - corners[..., 1] * ahead[..., 0]
     inside = (sides >= 0.0).all(axis=1) | (sides <= 0.0).all(axis=1)
     # Seen edge on, a triangle is a line; those beside it in a closed mesh are not.
-    area, size = np.abs(sides.sum(axis=1)), np.ptp(corners, axis=(0, 1)).max()
-    return bool((inside & (area > SKIN * size**2)).any())
+    longest = np.linalg.norm(ahead - corners, axis=2).max(axis=1)
+    return bool((inside & (np.abs(sides.sum(axis=1)) > SKIN * longest**2)).any())
 
 
 def _short(value: float) -> float:

@@ -176,16 +176,19 @@ def test_a_lag_of_a_rate_beyond_all_keeps_its_length(plan) -> None:
     assert off < np.abs(sent - q).max() / 4
 
 
-def test_a_response_of_other_joints_and_a_time_before_the_motion_are_refused(
-    pose_planner, plan
-) -> None:
+def test_a_response_of_other_joints_is_refused(pose_planner, plan) -> None:
     for joints in (2, 7):
         other = Response(np.full(joints, 50.0), np.zeros(joints))
         with pytest.raises(tp.InputError, match=f"response: is of {joints} joints, must be of 3"):
             pose_planner.follow(plan, response=other)
-    session, samples = pose_planner.follow(plan), plan.throw.samples
-    with pytest.raises(tp.InputError, match="t = -1"):
-        session.update(-1.0, samples.q[0], samples.dq[0], plan.target)
+
+
+def test_before_the_motion_all_of_it_is_to_come(pose_planner, plan) -> None:
+    """A controller that begins with the session gets the samples from the first on."""
+    samples = plan.throw.samples
+    first = pose_planner.follow(plan).update(-1.0, samples.q[0], samples.dq[0])
+    joints = [j - 1 for j in plan.scene.arm.throwing_joints]
+    np.testing.assert_allclose(first.q[:, joints], samples.q, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("jump", [0.03, -0.03])

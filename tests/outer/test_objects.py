@@ -134,6 +134,18 @@ def test_bodies_that_touch_and_cavities_count_as_they_are(run, tmp_path) -> None
         assert mass == pytest.approx(1000 * volume, rel=1e-5)
 
 
+def test_a_grasp_where_the_mesh_is_fine_is_on_it(run, tmp_path) -> None:
+    """A rod whose rings are 0.1 mm apart where the pads press, 10 mm elsewhere."""
+    rings = 1e-4 * np.union1d(np.arange(0, 3001, 100), np.arange(500, 701))
+    side = np.column_stack([np.full(rings.size, 0.003), rings])
+    rod = trimesh.creation.revolve(np.vstack([[0.0, 0.0], side, [0.0, 0.3]]), sections=48)
+    rod.export(tmp_path / "rod.stl")
+    words = ("--density", "1000", "--grasp", "0.0001", "0", "0.06013", *Y)
+    found = imported(run, tmp_path / "rod.stl", *words)
+    ahead = found["object"]["com"] - found["grasp"]["offset"]
+    assert ahead == pytest.approx(0.15 - 0.06013, abs=1e-5)
+
+
 def test_pads_that_close_on_nothing_are_refused(refused, tmp_path) -> None:
     """In the hole of a ring, and beside a handle."""
     ring = trimesh.creation.annulus(0.03, 0.05, 0.01)

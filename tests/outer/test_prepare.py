@@ -54,6 +54,17 @@ def test_a_bar_that_is_held_near_the_palm_is_prepared(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.slow
+def test_a_target_with_a_time_is_prepared_as_one_without(tmp_path: Path, monkeypatch) -> None:
+    """The arm waits before a throw: throws of a library land when they land."""
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    scene = load_scene("near-cup")
+    planner = tp.Planner(scene.replace(target=scene.target.changed(arrival=2.0)))
+    assert planner.prepare(3, workers=1) >= 3
+    plan = planner.plan()
+    assert plan.solved and plan.throw.landing_time == pytest.approx(2.0, abs=1e-3)
+
+
+@pytest.mark.slow
 def test_an_end_loses_nothing_that_was_solved(tmp_path: Path, interruptible: None) -> None:
     """Of the command, with the processes that it starts."""
     environment = os.environ | {"THROWPLAN_CACHE": str(tmp_path)}

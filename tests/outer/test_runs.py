@@ -134,6 +134,21 @@ def test_lags_are_learnt_over_the_map(tmp_path, x, theta_deg) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("changes", [{"velocity": (0.2,)}, {"arrival": 1.0}])
+def test_a_lag_is_learnt_for_a_target_with_a_time(tmp_path, changes) -> None:
+    """The corrected motion begins 0.3 s before the plan's: it lands as much later on its clock."""
+    target = tp.load_scene("fr3").target
+    target = target.changed(x=target.x - 0.7 * changes.get("velocity", [0.0])[0], **changes)
+    tp.plan("fr3", target=target, patience=20.0).save(tmp_path, draw=False)
+    motion = joint_motion(tmp_path)
+    recording = lagging(motion)
+    assert errors(recording, motion)[0] > 0.05
+    sent, _ = corrected(motion, recording)
+    learnt = lagging(sent).to_dict(motion)
+    assert learnt["error"]["position"] < 1e-3 and learnt["succeeds"]
+
+
+@pytest.mark.slow
 def test_what_cannot_be_learnt_is_not_sent_again(plan) -> None:
     """An arm that lags by 0.6 s would have to be sent faster than it may."""
     motion = joint_motion(plan)
