@@ -257,7 +257,7 @@ class Session:
     def _corrected(self, way: Direction, before: ExpectedThrow) -> tuple[Throw, ExpectedThrow, str]:
         """What to send, moved towards the target until a limit ends the way, and which limit.
 
-        Along the plan's own direction; where that breaks a limit, by a step of the NLP's quadratic
+        Along the cheapest direction; where that breaks a limit, by a step of the NLP's quadratic
         program about what is sent now, which knows all of them.
         """
         tolerance = before.throw.scene.tolerance

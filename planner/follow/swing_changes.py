@@ -17,11 +17,6 @@ from ..ocp import CondensedQp, ReducedVariables, Refinement, Request, Solution
 from ..search import Clock, NlpCache, condensed_at, initial_guess_from, remaining_trajectory
 from ..throw import TICK, State, Throw
 
-#: Usual move of a target: x [m], theta [rad].
-USUAL_MOVE = np.array([0.02, 0.1])
-#: A limit binds if its margin is below this share of the controls' change for the usual move.
-BINDING_SHARE = 0.05
-
 
 @dataclass(frozen=True, eq=False)
 class RestOfSwing:
@@ -68,15 +63,12 @@ class RestOfSwing:
         )
 
     def direction(self, later: int) -> Direction:
-        """The cheapest change per landing along the limits that bind.
+        """The cheapest change per landing. Limits are judged when it is tried: kept as equations,
+        those that bind in the plan would bind for moves away from them, too.
 
         later: samples by which the played swing is behind this one.
         """
-        at = self.about
-        cheapest = at.null_space_step(np.zeros(len(at.rows), bool))
-        change = cheapest @ USUAL_MOVE[: len(at.landing)]
-        near = BINDING_SHARE * float(np.linalg.norm(change))
-        found = self._direction(at.null_space_step((at.lower > -near) | (at.upper < near)))
+        found = self._direction(self.about.null_space_step(np.zeros(len(self.about.rows), bool)))
         return replace(found, first=self.first + later)
 
     def step(self, off: Array) -> tuple[Array, Direction] | None:
