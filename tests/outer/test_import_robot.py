@@ -226,6 +226,7 @@ def test_links_without_a_mesh_are_named(shaped) -> None:
     assert "no mesh was read of after_bend" in (file.parent / "arm.toml").read_text()
 
 
+@pytest.mark.slow
 def test_fingers_and_shapes_without_end_are_as_none(tmp_path, run) -> None:
     """A range that overflows moves no finger, and a box that overflows is not read."""
     found = []

@@ -57,6 +57,7 @@ def scene_with(folder: Path) -> Path:
     return folder / "scene.toml"
 
 
+@pytest.mark.slow
 def test_a_hand_without_a_body_is_replayed_and_drawn(tmp_path, run) -> None:
     """As `import-robot` writes it without --palm."""
     scene = tp.load_scene("pose")
