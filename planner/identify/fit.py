@@ -115,7 +115,8 @@ class FitProblem:
 
         start (P,): of a fit nearby. InputError if no throw lands.
         """
-        point, cost = self._solved(self._start() if start is None else start)
+        starts = self._starts() if start is None else start[None]
+        point, cost = min((self._solved(one) for one in starts), key=lambda found: found[1])
         if not np.isfinite(self.missed_by(point[None])).any():
             height = f"landing_height = {self.predictor.data.shared.landing_height:g}"
             raise InputError(f"no landing: no throw comes down to {height} by {self.model}")
@@ -201,10 +202,9 @@ class FitProblem:
         )
         return np.asarray(found.x), float(found.cost)
 
-    def _start(self) -> Array:
-        """The prior's mean, or the best of a grid of friction, radius and delay (P,)."""
-        if self.prior is not None:
-            return self.prior.mean
+    def _starts(self) -> Array:
+        """The best of a grid of friction, radius and delay (1, P); with a prior, which goes with
+        few throws that several values explain, the best three of its mean and the grid (3, P)."""
         delays = SETTINGS.start_delays if "delay" in self.names else (0.0,)
         grid = itertools.product(
             np.log(SETTINGS.start_friction), np.log(SETTINGS.start_radius), delays
@@ -212,8 +212,11 @@ class FitProblem:
         heads = ("friction", "patch_radius", "delay")
         known = [dict(zip(heads, values, strict=True)) for values in grid]
         points = np.array([[one.get(name, 0.0) for name in self.names] for one in known])
+        if self.prior is not None:
+            points = np.vstack([self.prior.mean, points])
         residuals = self._weighted(self.missed_by(points), points)
-        return np.asarray(points[np.argmin([self._loss(row**2)[0].sum() for row in residuals])])
+        best = np.argsort([self._loss(row**2)[0].sum() for row in residuals])
+        return np.asarray(points[best[: 1 if self.prior is None else 3]])
 
     def _scatter(self, point: Array) -> Array:
         """Robust standard deviation of the residuals (2,): x [m], theta [rad]."""
