@@ -25,10 +25,10 @@ from ...problems.urdf import (
     arm_file,
     arm_of,
     chain_of,
-    held_joints,
     kinematics_difference,
     limits_of,
     link_shapes,
+    quantity,
     read_urdf,
     urdf_file,
     weak_joints,
@@ -70,6 +70,9 @@ def arguments(add: Add) -> None:
     words = "angles of all joints; those that do not throw keep them (default: 0 if allowed, pads "
     words += "across the plane)"
     add("--posture-deg", nargs="+", type=number(), default=[], metavar="DEG", help=words)
+    words = "where joints are held that the throw does not move, in deg or m (default: 0, or the "
+    words += "end of their range nearest to it)"
+    add("--hold", nargs="+", type=_position, metavar="J=VALUE", default=[], help=words)
     for name, option in LIMIT_OPTIONS.items():
         words = f"{name.replace('_', ' ')} limits [{LIMIT_UNITS.get(name, 'deg')}]: one for all "
         words += "joints or one per joint; - keeps the URDF's"
@@ -90,10 +93,9 @@ def run(options: argparse.Namespace) -> int:
         turned = {name: math.degrees(angle) for name, angle in turned.items()}
         try:
             options, chain, arm_data = _fill_options(options, robot)
-            held_names = held_joints(chain)
             shapes = link_shapes(chain, urdf_file(urdf))
             arm_data = dataclasses.replace(arm_data, capsules=shapes.capsules, cover=shapes.cover)
-            remarks = _remarks(chain, urdf, held_names, shapes, turned)
+            remarks = _remarks(chain, urdf, shapes, turned)
             text, arm = arm_file(arm_data, remarks, str(out))
         except InputError as error:
             raise error.within(str(urdf)) from None
@@ -105,7 +107,7 @@ def run(options: argparse.Namespace) -> int:
         )
     copy_out(text, out, force=options.force)
     result = _facts(options, arm, chain) | {
-        "held": held_names,
+        "held": chain.held,
         "states": STATES,
         "difference": difference,
         "capsules": len(arm.capsules),
@@ -115,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
         "turned_deg": turned,
         "weak": weak_joints(arm),
     }
-    print_result(options, result, _text(options, result))
+    print_result(options, result, _text(options, result, _held(chain)))
     return DONE
 
 
@@ -125,6 +127,15 @@ def _argument(word: str) -> tuple[str, str]:
     if not (name and sign):
         raise argparse.ArgumentTypeError(f"{word}: must be NAME:=VALUE, an argument of a xacro")
     return name, value
+
+
+def _position(word: str) -> tuple[str, float]:
+    """Name and position of a joint that is held."""
+    name, _, value = word.rpartition("=")
+    position = number()(value) if name else None
+    if position is None:
+        raise argparse.ArgumentTypeError(f"{word}: must be JOINT=VALUE, in deg or m")
+    return name, position
 
 
 def _fill_options(
@@ -140,7 +151,7 @@ def _fill_options(
     while True:
         ends = options.tool, options.base, options.approach, options.closing, options.azimuth
         try:
-            chain = chain_of(robot, options.joints, *ends)
+            chain = chain_of(robot, options.joints, *ends, hold=_given_positions(options, robot))
             options.joints = list(chain.names)
             limits = limits_of(chain, _given_limits(options))
             break
@@ -176,6 +187,13 @@ def _given_limits(options: argparse.Namespace) -> dict[str, list[float | None]]:
     return given
 
 
+def _given_positions(options: argparse.Namespace, robot: Any) -> dict[str, float]:
+    """Positions of held joints from the options, in SI units."""
+    joints = robot.joint_map
+    turns = {n: n in joints and joints[n].type != "prismatic" for n, _ in options.hold}
+    return {name: math.radians(at) if turns[name] else at for name, at in options.hold}
+
+
 def _check_count(options: argparse.Namespace, option: str, values: list[Any]) -> None:
     """InputError unless an option has a value per joint."""
     if len(values) != len(options.joints):
@@ -201,13 +219,13 @@ def _choices(options: argparse.Namespace, chain: UrdfChain) -> Choices:
 
 
 def _remarks(
-    chain: UrdfChain, urdf: Path, held: list[str], shapes: LinkShapes, turned: Mapping[str, float]
+    chain: UrdfChain, urdf: Path, shapes: LinkShapes, turned: Mapping[str, float]
 ) -> list[str]:
     """Remarks at the head of the file about its origin."""
     remarks = [f"Made by 'throwplan import-robot' from {urdf.name}.", f"Base link: {chain.base}"]
     remarks[1] += f"{_moved(chain.origin)}; hand: {chain.tool}."
-    if held:
-        remarks.append(f"Held at 0: {', '.join(held)}.")
+    if chain.held:
+        remarks.append(f"Held: {_held(chain)}.")
     if turned:
         remarks.append(f"Joints' {_turned(turned)}.")
     unread = f"; no mesh was read of {', '.join(shapes.unread)}" if shapes.unread else ""
@@ -237,6 +255,14 @@ def _facts(options: argparse.Namespace, arm: Arm, chain: UrdfChain) -> dict[str,
     }
 
 
+def _held(chain: UrdfChain) -> str:
+    """Where the joints are that the throw does not move, as text: those at 0 last."""
+    joints = chain.robot.joint_map
+    words = [f"{name} at {quantity(joints[name], at)}" for name, at in chain.held.items() if at]
+    still = [name for name, at in chain.held.items() if not at]
+    return "; ".join(words + ([f"at 0: {', '.join(still)}"] if still else []))
+
+
 def _turned(turned: Mapping[str, float]) -> str:
     """Which joints' angles were taken as multiples of 90 deg, as text."""
     joints = (f"{name} ({angle:.2g} deg off)" for name, angle in turned.items())
@@ -258,8 +284,8 @@ def _moved(origin: Any) -> str:
     return f" moved to x {x:.4f}, y {y:.4f} m" if x or y else ""
 
 
-def _text(options: argparse.Namespace, result: dict[str, Any]) -> str:
-    """The arm as text."""
+def _text(options: argparse.Namespace, result: dict[str, Any], held: str) -> str:
+    """The arm as text; held: words for the joints that are."""
     mass, angles = result["mass"], " ".join(f"{angle:.6g}" for angle in result["posture_deg"])
     lines = [
         f"{result['name']}: written to {options.out}; a scene takes it by [robot] arm = "
@@ -275,8 +301,8 @@ def _text(options: argparse.Namespace, result: dict[str, Any]) -> str:
         lines.append(_weak(result["weak"]))
     if result["lateral"]:
         lines.append(f"the throw's plane is {result['lateral']:.4g} m beside the base's z axis")
-    if result["held"]:
-        lines.append(f"held at 0: {', '.join(result['held'])}")
+    if held:
+        lines.append(f"held (--hold): {held}")
     if result["hand"]:
         lines.append(
             f"includes the hand on {result['hand']}, so a scene's [gripper] file is refused; for "

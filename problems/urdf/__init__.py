@@ -7,12 +7,12 @@ from .arm import (
     Choices,
     arm_file,
     arm_of,
-    held_joints,
     kinematics_difference,
     limits_of,
     link_inertias,
     weak_joints,
 )
 from .chain import AXES, MissingOptionError, UrdfChain, chain_of
+from .holding import quantity
 from .reading import read_urdf, urdf_file
 from .shapes import LinkShapes, link_meshes, link_shapes

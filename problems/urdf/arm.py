@@ -17,6 +17,7 @@ from ..arms import arm_from, arm_text
 from ..checks import InputError
 from ..files import toml_tables
 from .chain import MissingOptionError, UrdfChain, hanging, joint_named
+from .holding import joint_range
 from .reading import origin
 
 #: One value per joint; None without an option for it.
@@ -184,17 +185,16 @@ def kinematics_difference(arm: Arm, chain: UrdfChain) -> float:
     return float(largest)
 
 
-def _in_file(joint: object, name: str) -> float | None:
+def _in_file(joint: Any, name: str) -> float | None:
     """A joint's limit in the URDF; None without a meaningful one."""
-    limit = getattr(joint, "limit", None)
-    if limit is None:
-        return None
     if name.startswith("position"):
-        low, high = limit.lower or 0.0, limit.upper or 0.0
-        if getattr(joint, "type", "") == "continuous" or not -math.inf < low < high < math.inf:
+        ends = joint_range(joint)
+        if ends is None or ends[0] == ends[1]:
             return None
-        return float(low if name == "position_min" else high)
-    value = {"velocity": limit.velocity, "torque": limit.effort}.get(name)
+        return ends[0] if name == "position_min" else ends[1]
+    if joint.limit is None:
+        return None
+    value = {"velocity": joint.limit.velocity, "torque": joint.limit.effort}.get(name)
     return None if value is None or not value > 0 or not math.isfinite(value) else float(value)
 
 
@@ -330,8 +330,8 @@ def _check_posture(arm: Arm, chain: UrdfChain) -> None:
 def link_inertias(chain: UrdfChain) -> tuple[LinkInertia, ...]:
     """The body that each chosen joint moves, up to the next, then the hand, in the arm's frames.
 
-    Links on fixed joints, and on joints held at 0, are merged into their parent link; the tool link
-    and its descendants are the hand. Empty if the file has no masses.
+    Links on fixed joints, and on joints that are held, are merged into their parent link; the tool
+    link and its descendants are the hand. Empty if the file has no masses.
     """
     stops = [*chain.names, *(joint.name for joint in chain.path if joint.child == chain.tool)]
     inertias = []
@@ -342,22 +342,6 @@ def link_inertias(chain: UrdfChain) -> tuple[LinkInertia, ...]:
     hand = _bodies(chain.robot, chain.tool, chain.hand_turn.T, stops)
     inertias.append(_merge_bodies(list(hand)))
     return tuple(inertias) if any(link.mass for link in inertias) else ()
-
-
-def held_joints(chain: UrdfChain) -> list[str]:
-    """Names of the joints that could move and are held at 0: on the chain, or hanging on it."""
-    joints = [*chain.before, *chain.path]
-    todo = [chain.joints[0].child]
-    while todo:
-        for joint in hanging(chain.robot, todo.pop()):
-            todo.append(joint.child)
-            if joint not in chain.path:
-                joints.append(joint)
-    fixed_joints = [j for j in joints if j.type != "fixed" and j.name not in chain.names]
-    for joint in fixed_joints:
-        if joint.mimic is not None and joint.mimic.joint in chain.names:
-            raise InputError(f"joint '{joint.name}' mimics '{joint.mimic.joint}': not supported")
-    return [joint.name for joint in fixed_joints]
 
 
 def _bodies(

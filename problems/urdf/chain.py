@@ -13,6 +13,7 @@ import numpy as np
 from ...models import Array
 from ...models.robot import JointFrame
 from ..checks import InputError
+from .holding import hold_joints
 from .reading import frame_of, origin, unit_axis
 
 #: The hand points along an axis of the tool link if the cosine to its child links is above this.
@@ -49,7 +50,8 @@ class UrdfChain:
     path: all of yourdfpy's joints from the first chosen one to the tool link; joints: the chosen
     ones of them. begin (4, 4): the first one's parent link in the base frame, which is that of the
     link `base`, moved by origin (3,) [m] onto the axis of the joint that turns the throw's plane.
-    before: joints that could move between base and first joint.
+    held: positions [rad or m] of all other joints that could move, by name; `robot` counts them
+    from there, so that they are at 0.
     turns (4, 4) each: how an arm's joint frame, whose z is the joint's axis, lies in the
     frame of the URDF's link; hand_turn (4, 4): how the hand's frame, whose z is the
     approach direction and y the closing direction, lies in the tool link's.
@@ -62,7 +64,7 @@ class UrdfChain:
     tool: str
     begin: Array
     origin: Array
-    before: tuple[Any, ...]
+    held: Mapping[str, float]
     turns: tuple[Array, ...]
     hand_turn: Array
 
@@ -88,7 +90,7 @@ class UrdfChain:
     def frames(self) -> tuple[JointFrame, ...]:
         """The arm's joint frames, then the hand's, each in the frame before, at angle 0.
 
-        Fixed joints, and joints not chosen (at 0), are folded in.
+        Fixed joints, and joints not chosen, are folded in.
         """
         turns = dict(zip(self.names, self.turns, strict=True))
         poses, at = [], self.begin
@@ -102,7 +104,7 @@ class UrdfChain:
     def posed(self, q: Sequence[float]) -> tuple[Array, Array, Array]:
         """By yourdfpy: joint origins (n, 3), axes (n, 3) and the hand's pose (4, 4).
 
-        In the base frame, at joint angles q [rad], the other joints at 0.
+        In the base frame, at joint angles q [rad], the other joints as held.
         """
         self.robot.update_cfg(dict(zip(self.names, map(float, q), strict=True)))
         links = [self.robot.get_transform(joint.child, self.base) for joint in self.joints]
@@ -121,6 +123,7 @@ def chain_of(
     approach: str | None = None,
     closing: str | None = None,
     azimuth: str | None = None,
+    hold: Mapping[str, float] | None = None,
 ) -> UrdfChain:
     """The chain of the joints `names`, in order from the base; InputError naming the joint.
 
@@ -128,11 +131,13 @@ def chain_of(
     link; None for the last that hangs on the last joint without a branch. base: the link whose
     frame is the arm's base, None for the root. approach, closing: axes of the tool link (`AXES`)
     along which the hand points and its pads close; None: z, and y or z, where nothing speaks
-    against it. azimuth: the joint that turns the throw's plane, None for the first.
+    against it. azimuth: the joint that turns the throw's plane, None for the first. hold: positions
+    [rad or m] of joints that are not chosen, see `hold_joints`.
     """
     if tool is not None:
         _link(robot, "--tool", tool)
     names = _named(robot, names, tool)
+    robot, held = hold_joints(robot, names, hold or {})
     chosen = [_chosen(robot, name) for name in names]
     if len(set(names)) < len(names) or len(names) < 2:
         raise InputError("--joints: must name two joints or more, each once")
@@ -147,12 +152,9 @@ def chain_of(
     under = _path(robot, base)
     if any(joint in under for joint in chosen):
         raise InputError(f"--base {base}: must not move with the joint '{names[0]}'")
-    first = path.index(chosen[0])
-    before = [joint for joint in path[:first] if joint not in under]
-    before += [joint for joint in under if joint not in path]
-    path = path[first:]
-    for joint in [*before, *path]:
-        if joint.mimic is not None:
+    path = path[path.index(chosen[0]) :]
+    for joint in robot.robot.joints:
+        if joint.mimic is not None and joint.mimic.joint in names:
             raise InputError(f"joint '{joint.name}' mimics '{joint.mimic.joint}': not supported")
     robot.update_cfg(dict.fromkeys(robot.actuated_joint_names, 0.0))
     begin, turning = robot.get_transform(chosen[0].parent, base).copy(), names[0]
@@ -165,10 +167,7 @@ def chain_of(
         approach = _approach(robot, path, tool)
     hand = _hand_turn(approach, closing or _closing(robot, tool, approach))
     turns = tuple(_axis_turn(joint) for joint in chosen)
-    moving = tuple(joint for joint in before if joint.type != "fixed")
-    return UrdfChain(
-        robot, tuple(path), tuple(chosen), base, tool, begin, place, moving, turns, hand
-    )
+    return UrdfChain(robot, tuple(path), tuple(chosen), base, tool, begin, place, held, turns, hand)
 
 
 def _turn(x: Array, y: Array, z: Array) -> Array:

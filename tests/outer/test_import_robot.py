@@ -175,7 +175,7 @@ def with_shapes(folder: Path) -> Path:
     size = " ".join(map(str, np.ptp(BOX, axis=0)))
     shapes = {"after_lift": mesh.format("block.obj"), "after_bend": mesh.format("none.stl")}
     shapes |= dict.fromkeys(("base", "hand", "pad1", "pad-1"), f'<box size="{size}"/>')
-    text, at = planar_urdf(), " ".join(map(str, PLACE))
+    text, at = planar_urdf(axis_length=1.0), " ".join(map(str, PLACE))
     for link, shape in shapes.items():
         part = f'<collision><origin xyz="{at}"/><geometry>{shape}</geometry></collision>'
         text = text.replace(f'<link name="{link}">', f'<link name="{link}">{part}')
@@ -243,6 +243,85 @@ def test_fingers_and_shapes_without_end_are_as_none(tmp_path, run) -> None:
     assert len({one["capsules"] for one in found}) == 1
 
 
+# Joints that are held.
+
+
+def lifted(text: str) -> str:
+    """The odd robot on a lift of 0.15 to 0.4 m, beside a mast with an arm of a range above 0."""
+    limit = '<limit lower="{}" upper="{}" velocity="1" effort="9"/>'
+    joints = [
+        ("lift0", "prismatic", "world", "base", "0 0 0", "0 0 2", limit.format(0.15, 0.4)),
+        ("mast", "fixed", "world", "pole", "0 0.6 0", "0 0 1", ""),
+        ("aside", "revolute", "pole", "plank", "0 0 0.8", "1 0 0", limit.format(0.5, 2.0)),
+        ("follows", "prismatic", "pole", "slider", "0 0 0", "0 0 1", '<mimic joint="lift0"/>'),
+    ]
+    words = '<robot name="odd"><link name="world"/><link name="pole"/><link name="slider"/>'
+    words += '<link name="plank"><collision><origin xyz="0 0 0.2"/><geometry>'
+    words += '<box size="0.02 0.02 0.4"/></geometry></collision></link>'
+    for name, kind, parent, child, at, axis, rest in joints:
+        words += (
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        )
+        words += f'<origin xyz="{at}"/><axis xyz="{axis}"/>{rest}</joint>'
+    return text.replace('<robot name="odd">', words)
+
+
+def test_joints_beside_the_chain_are_held_inside_their_ranges(tmp_path, odd_file, odd, run) -> None:
+    """The lift stands at its lowest, the plank leans by the least that it can."""
+    urdf, out = tmp_path / "odd.urdf", tmp_path / "arm.toml"
+    urdf.write_text(lifted(odd_file.read_text()))
+    words = ["import-robot", urdf, "--joints", *JOINTS, *ODD_OPTIONS, "--force", "--out", out]
+    for hold, lift, lean in (
+        ([], 0.15, 0.5),
+        (["--hold", "lift0=0.3", "aside=90"], 0.3, 0.5 * math.pi),
+    ):
+        held = run("", *words, *hold, "--json").json["held"]
+        zero = dict.fromkeys(["roll", "finger1", "finger-1"], 0.0)
+        assert held == pytest.approx({"lift0": lift, "follows": lift, "aside": lean} | zero)
+        text = out.read_text()
+        assert f"lift0 at {lift:g} m" in text and f"aside at {math.degrees(lean):.6g} deg" in text
+        arm = imported(tmp_path, urdf, JOINTS, *ODD_OPTIONS, *hold)
+        for q in states(odd, 3):
+            one, other = (np.array(frames_of(a)(q)[-1]) for a in (arm, odd))
+            np.testing.assert_allclose(one[:3, 3], other[:3, 3] + [0, 0, lift], atol=1e-12)
+        # Turned about x by the lean, the plank's axis goes from the mast's top to y < 0.
+        (plank,) = arm.capsules
+        tip = max((plank.begin, plank.end), key=lambda end: end[2] if lean < 1 else -end[1])
+        far = np.array(tip) - [0.0, 0.6, 0.8]
+        np.testing.assert_allclose(
+            far / np.linalg.norm(far), [0.0, -math.sin(lean), math.cos(lean)], atol=0.02
+        )
+
+
+def test_a_position_that_a_held_joint_does_not_take_is_refused(tmp_path, odd_file, refused) -> None:
+    (tmp_path / "odd.urdf").write_text(lifted(odd_file.read_text()))
+    words = ["import-robot", tmp_path / "odd.urdf", "--joints", *JOINTS, *ODD_OPTIONS]
+    for hold, message in (
+        ("lift0=0.1", "--hold lift0: must be in its range, 0.15 m to 0.4 m"),
+        ("turn=1", "--hold turn: this joint is one of --joints"),
+        ("follows=0.2", "--hold follows: this joint mimics lift0"),
+        ("lift00=0.2", "no joint 'lift00', did you mean 'lift0'"),
+        ("lift0", "must be JOINT=VALUE"),
+    ):
+        said = refused(*words, "--hold", hold, "--out", tmp_path / "arm.toml")
+        assert message in said
+
+
+def test_soft_limits_of_a_safety_controller_hold_where_they_are_tighter(tmp_path, odd_file) -> None:
+    soft = '<safety_controller soft_lower_limit="-1" soft_upper_limit="3" k_velocity="9"/>'
+    (tmp_path / "odd.urdf").write_text(odd_file.read_text().replace("</joint>", f"{soft}</joint>"))
+    limits = imported(tmp_path, tmp_path / "odd.urdf", JOINTS, *ODD_OPTIONS).limits
+    assert (limits.position_min, limits.position_max) == ((-1.0,) * 4, (2.2,) * 4)
+
+
+def test_ends_that_no_joint_has_mean_continuous(tmp_path, odd_file, refused) -> None:
+    text = odd_file.read_text().replace('lower="-2" upper="2.2"', 'lower="-999999" upper="999999"')
+    (tmp_path / "odd.urdf").write_text(text)
+    words = ["import-robot", tmp_path / "odd.urdf", "--joints", *JOINTS, *ODD_OPTIONS]
+    said = refused(*words, "--out", tmp_path / "arm.toml", lines=2)
+    assert "--position-min-deg (position_min of all joints)" in said
+
+
 # Throwing, and what is printed.
 
 
@@ -254,7 +333,7 @@ def test_what_is_printed_and_given_limits_go_before_the_file_s(tmp_path, odd_fil
     assert sorted(found["held"]) == ["finger-1", "finger1", "roll"]
     assert found["states"] >= 20 and found["difference"] < 1e-9
     said = run("", *words, "--out", tmp_path / "other.toml")
-    assert "held at 0: roll, finger1, finger-1" in said.out
+    assert "at 0: roll, finger1, finger-1" in said.out
     limits = imported(
         *(tmp_path, odd_file, JOINTS, *ODD_OPTIONS, "--velocity", *"1-2-"),
         *("--position-max-deg", "90"),
