@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
         options.parts,
     )
     with Progress(f"{file}: reading"):
-        mesh = read_mesh(file)
+        mesh, overlap = read_mesh(file)
         try:
             found = object_from(mesh, choices)
         except InputError as error:
@@ -75,9 +75,8 @@ def run(options: argparse.Namespace) -> int:
         (folder / beside.name).write_bytes(stl_bytes(found.corners))
         text = object_text(found, file.name, beside.name)
         (folder / out.name).write_text(text, encoding="utf-8")
-    print_result(
-        options, _facts(found) | {"mesh": str(beside), "file": str(out)}, _text(found, out)
-    )
+    facts = _facts(found) | {"overlap": overlap, "mesh": str(beside), "file": str(out)}
+    print_result(options, facts, _text(found, overlap, out))
     return DONE
 
 
@@ -93,7 +92,7 @@ def _facts(found: MeshObject) -> dict[str, object]:
     }
 
 
-def _text(found: MeshObject, out: Path) -> str:
+def _text(found: MeshObject, overlap: float, out: Path) -> str:
     thrown, grasp = found.object, found.grasp
     lines = [
         f"mass {thrown.mass:.4g} kg, inertia {thrown.inertia:.4g} kg m^2 in the throw's plane",
@@ -112,4 +111,7 @@ def _text(found: MeshObject, out: Path) -> str:
             "note: it turns about its middle axis of inertia, which is unstable: errors out of the "
             "plane grow in flight"
         )
+    if overlap > 1e-6:
+        share = f"{100 * overlap:.2g} % of its volume"
+        lines.append(f"note: bodies of the mesh overlap by {share}, which counts twice")
     return "\n".join([*lines, f"written to {out}: paste it into a scene"])

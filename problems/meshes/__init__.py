@@ -10,8 +10,8 @@ from .body import (
     covered_mesh,
     object_from,
     object_text,
-    read_mesh,
     read_stl,
     stl_bytes,
 )
 from .capsules import mesh_parts
+from .solid import read_mesh

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,6 @@ from .capsules import Capsule, mesh_parts, parts_of
 
 #: Largest and smallest size [m] of an object that is thrown.
 SIZES = (0.005, 3.0)
-#: Largest number of triangles: MuJoCo reads no more.
-TRIANGLES = 200_000
 #: Largest distance [m] of the CoM from the throw's plane through the grasp.
 OFF_PLANE = 1e-3
 #: Largest product of inertia across the plane, over the moment of inertia about its normal.
@@ -27,10 +26,8 @@ TILT = 0.05
 CENTRAL = 1e-4
 #: Largest component of the hand's approach axis along the plane's normal.
 ACROSS = 0.05
-#: Distance from a face, over the mesh's size, in which it is looked whether a mesh is solid.
-SKIN = 1e-6
-#: Most pairs of faces and triangles in that look: some seconds.
-PAIRS = 1_000_000
+#: Least area of a triangle that is no line, over its longest side squared.
+FLAT = 5e-7
 #: Decimals of lengths [m] in files.
 PLACES = 5
 #: A triangle of a binary STL file: normal, three corners, and two bytes without a meaning.
@@ -73,76 +70,16 @@ class MeshObject:
     middle: bool
 
 
-def read_mesh(file: Path) -> Any:
-    """A mesh (trimesh) from an STL or OBJ file; InputError for one that encloses no volume."""
-    try:
-        import trimesh
-    except ImportError:
-        raise InputError("import-object: needs trimesh: pip install 'throwplan[objects]'") from None
-    if file.suffix.lower() not in (".stl", ".obj"):
-        raise InputError(f"{file}: must be an STL or OBJ file")
-    if not file.is_file():
-        raise InputError(f"{file}: no such file")
-    try:
-        with np.errstate(all="ignore"):
-            mesh: Any = trimesh.load(file, force="mesh", process=True)
-        mesh.merge_vertices(merge_tex=True, merge_norm=True)
-        faces, vertices = len(mesh.faces), np.asarray(mesh.vertices)
-    except Exception as error:  # trimesh lets through whatever its readers raise.
-        raise InputError(f"{file}: cannot be read as a mesh: {error}") from None
-    if not faces or not np.isfinite(vertices).all():
-        raise InputError(f"{file}: has no triangles, or corners that are no finite numbers")
-    if faces > TRIANGLES:
-        raise InputError(f"{file}: has {faces} triangles: must be at most {TRIANGLES}")
-    if not mesh.is_watertight:
-        raise InputError(
-            f"{file}: is not watertight: its triangles must enclose the object without gaps, so "
-            "that it has a volume (repair the mesh, for example with Blender's 3D-Print toolbox)"
-        )
-    with np.errstate(all="ignore"):
-        if mesh.volume < 0.0:
-            mesh.invert()
-        if not mesh.is_volume:
-            words = "its triangles must enclose one and all face outwards"
-            raise InputError(f"{file}: has no volume: {words}")
-    if not _is_solid(np.asarray(mesh.triangles)):
-        raise InputError(
-            f"{file}: has bodies that overlap, or that face inwards: their volume would count "
-            "twice or be taken off: unite them (for example with Blender's Boolean modifier)"
-        )
-    return mesh
-
-
-def _is_solid(corners: Array) -> bool:
-    """Whether triangles (F, 3, 3) wind once round the inside, and not round the outside, seen from
-    either side of some of them. So bodies are apart or touch; a cavity faces inwards."""
-    corners = corners / np.ptp(corners, axis=(0, 1)).max()
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    size = np.linalg.norm(normal, axis=1)
-    large = np.flatnonzero(size > SKIN * size.max())
-    seen = large[:: max(1, len(large) * len(corners) // PAIRS)]
-    off = SKIN * normal[seen] / size[seen, None]
-    middles = corners[seen].mean(axis=1)
-    turns = [_winding(corners, point) for point in np.concatenate([middles + off, middles - off])]
-    return bool(np.isin(np.round(turns), (0.0, 1.0)).all())
-
-
-def _winding(corners: Array, point: Array) -> float:
-    """How often triangles (F, 3, 3) wind round a point: their solid angles over the full one (van
-    Oosterom and Strackee, 1983)."""
-    a, b, c = np.moveaxis(corners - point, 1, 0)
-    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
-    dots = [np.einsum("ij,ij->i", u, v) for u, v in ((a, b), (b, c), (c, a))]
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    angles = np.arctan2(volume, la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb)
-    return float(angles.sum() / (2 * np.pi))
+class OutOfPlaneError(InputError):
+    """A plane of the throw in which the object would not stay."""
 
 
 def object_from(mesh: Any, choices: MeshChoices) -> MeshObject:
-    """The object of a watertight mesh of uniform density.
+    """The object of a closed mesh of uniform density.
 
     InputError for sizes that nothing thrown has, and for what a planar throw cannot have: a CoM
-    beside the plane, or products of inertia that tilt the object in flight.
+    beside the plane, or products of inertia that tilt the object in flight. It names options with
+    which the plane would do, if there are any.
     """
     mesh = mesh.copy().apply_scale(choices.scale)
     size = float(mesh.extents.max())
@@ -151,8 +88,47 @@ def object_from(mesh: Any, choices: MeshChoices) -> MeshObject:
             f"the mesh is {size:.4g} m long: must be {SIZES[0]:g} to {SIZES[1]:g} m: choose --unit "
             "(STL files often are in mm)"
         )
+    try:
+        placed = _placed(mesh, choices)
+    except OutOfPlaneError as error:
+        raise InputError(f"{error}{_in_plane(mesh, choices)}") from None
+    moments, ahead = placed.moments, placed.ahead
+    capsules, beyond = parts_of(placed.corners, choices.parts)
+    first, last, outline = _outline(capsules)
+    table = {
+        "mass": _short(placed.mass),
+        "length": round(last - first, PLACES),
+        "com": round(ahead - first, PLACES),
+        "inertia": _short(moments[1, 1]),
+        "outline": outline,
+    }
+    # Rotation about the principal axis of neither the least nor the largest moment is unstable.
+    others = np.linalg.eigvalsh(moments[::2, ::2])
+    middle = bool(1.02 * others[0] < moments[1, 1] < 0.98 * others[1])
+    grip = Grasp(offset=round(-first, PLACES), angle=placed.angle)
+    return MeshObject(held_object(table), grip, placed.corners - [first, 0.0, 0.0], beyond, middle)
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """A mesh in the frame of the throw's plane, x along the object, y across, origin in the pads.
+
+    corners (F, 3, 3) [m]; ahead [m]: of the CoM; moments (3, 3) [kg m²]: inertia about the CoM;
+    angle [rad]: of x against the hand's approach axis.
+    """
+
+    corners: Array
+    mass: float
+    ahead: float
+    moments: Array
+    angle: float
+
+
+def _placed(mesh: Any, choices: MeshChoices) -> _Placed:
+    """A mesh in m as it is grasped; OutOfPlaneError or InputError where that cannot be."""
     mass = choices.mass or float(choices.density or 0.0) * float(mesh.volume)
     com, grasp = np.array(mesh.center_mass), choices.scale * np.array(choices.grasp)
+    size = float(mesh.extents.max())
     if np.linalg.norm(grasp - com) > size:
         raise InputError(
             f"--grasp: is {np.linalg.norm(grasp - com):.3g} m from the object's CoM, must be at "
@@ -166,22 +142,49 @@ def object_from(mesh: Any, choices: MeshChoices) -> MeshObject:
     if not _is_met(corners[..., ::2]):
         raise InputError(
             "--grasp: the pads close on nothing: the line through it along --across, along which "
-            f"they press ({_words(np.round(axes[1], 3))} in the mesh's frame), must meet the mesh"
+            f"they press ({_words(axes[1])} in the mesh's frame), must meet the mesh"
         )
-    capsules, beyond = parts_of(corners, choices.parts)
-    first, last, outline = _outline(capsules)
-    table = {
-        "mass": _short(mass),
-        "length": round(last - first, PLACES),
-        "com": round(float(np.linalg.norm(com - grasp)) - first, PLACES),
-        "inertia": _short(moments[1, 1]),
-        "outline": outline,
-    }
-    # Rotation about the principal axis of neither the least nor the largest moment is unstable.
-    others = np.linalg.eigvalsh(moments[::2, ::2])
-    middle = bool(1.02 * others[0] < moments[1, 1] < 0.98 * others[1])
-    grip = Grasp(offset=round(-first, PLACES), angle=angle)
-    return MeshObject(held_object(table), grip, corners - [first, 0.0, 0.0], beyond, middle)
+    return _Placed(corners, mass, float(np.linalg.norm(com - grasp)), moments, angle)
+
+
+def _in_plane(mesh: Any, choices: MeshChoices) -> str:
+    """Words for options with which a mesh in m can be thrown: those that change fewest, and of
+    these the plane that is turned least.
+
+    Its normal is the one that was chosen, a principal axis of inertia, or square to one and to the
+    way from grasp to CoM; grasp and axis are moved into the plane where they are not.
+    """
+    towards = np.array(mesh.center_mass) - choices.scale * np.array(choices.grasp)
+    _, _, chosen = _directions(mesh, towards, choices)
+    principal = np.linalg.eigh(np.array(mesh.moment_inertia))[1].T
+    square = np.cross(principal, towards)
+    square = square[np.linalg.norm(square, axis=1) > CENTRAL]
+    normals = np.vstack([principal, square / np.linalg.norm(square, axis=1, keepdims=True)])
+    normals *= np.where(normals @ chosen < 0.0, -1.0, 1.0)[:, None]
+    tried = list[tuple[int, float, dict[str, Any]]]()
+    for normal in (chosen, *normals):
+        changes: dict[str, Any] = {"across": _rounded(normal)}
+        if normal is chosen and choices.across is None:
+            changes = {}
+        if _is_beside(towards, normal):
+            offset = float(normal @ towards) / choices.scale
+            changes["grasp"] = _rounded(np.array(choices.grasp) + offset * normal)
+        if choices.axis is not None and abs(normal @ _unit("--axis", choices.axis)) > ACROSS:
+            axis = np.array(choices.axis)
+            changes["axis"] = _rounded(axis - (axis @ normal) * normal)
+        tried.append((len(changes), -float(normal @ chosen), changes))
+    for _, _, changes in sorted(tried, key=lambda one: one[:2]):
+        try:
+            _placed(mesh, replace(choices, **changes))
+        except InputError:
+            continue
+        return ": try " + " ".join(f"--{key} {_words(changes[key])}" for key in changes)
+    return ": no plane through this grasp would do"
+
+
+def _rounded(point: Array) -> tuple[float, ...]:
+    """A point or direction as on a command line."""
+    return tuple(map(float, (point.round(6) + 0.0)))
 
 
 def _is_met(corners: Array) -> bool:
@@ -191,7 +194,7 @@ def _is_met(corners: Array) -> bool:
     inside = (sides >= 0.0).all(axis=1) | (sides <= 0.0).all(axis=1)
     # Seen edge on, a triangle is a line; those beside it in a closed mesh are not.
     longest = np.linalg.norm(ahead - corners, axis=2).max(axis=1)
-    return bool((inside & (np.abs(sides.sum(axis=1)) > SKIN * longest**2)).any())
+    return bool((inside & (np.abs(sides.sum(axis=1)) > 2 * FLAT * longest**2)).any())
 
 
 def _short(value: float) -> float:
@@ -199,15 +202,17 @@ def _short(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def _words(point: Array) -> str:
-    return " ".join(f"{v:.6g}" for v in point + 0.0)
+def _words(point: Sequence[float] | Array) -> str:
+    """A point or direction as on a command line, which takes no exponents."""
+    rounded = _rounded(np.asarray(point))
+    return " ".join(np.format_float_positional(v, trim="-") for v in rounded)
 
 
 def _check_moments(moments: Array) -> None:
     """InputError if the plane's normal is far from a principal axis."""
     tilt = math.hypot(moments[0, 1], moments[1, 2]) / moments[1, 1]
     if tilt > TILT:
-        raise InputError(
+        raise OutOfPlaneError(
             "--across: the object would tilt out of the throw's plane: its products of inertia are "
             f"{100 * tilt:.2g} % of its moment about the plane's normal, must be at most "
             f"{100 * TILT:g} %"
@@ -234,23 +239,14 @@ def _axes(mesh: Any, towards: Array, choices: MeshChoices) -> tuple[Array, float
 
     towards [m]: from the grasp to the CoM.
     """
-    reach = float(np.linalg.norm(towards))
-    if reach < CENTRAL and choices.axis is None:
-        raise InputError("--axis: needed with a grasp at the CoM, from which no axis leads to it")
-    approach = _unit("--axis", towards if choices.axis is None else np.array(choices.axis))
-    along = approach if reach < CENTRAL else towards / reach
-    normal = _thinnest(mesh, along)
-    if choices.across is not None:
-        normal = _unit("--across", np.array(choices.across))
-    offset = float(normal @ towards)
-    if abs(offset) > min(OFF_PLANE, 0.2 * max(reach, CENTRAL)):
-        there = (np.array(mesh.center_mass) - towards + offset * normal) / choices.scale
-        raise InputError(
-            f"--grasp: the CoM is {1e3 * abs(offset):.3g} mm beside the throw's plane through it: "
-            f"must be in it, as with --grasp {_words(there)}, or with another --across"
+    approach, along, normal = _directions(mesh, towards, choices)
+    if _is_beside(towards, normal):
+        raise OutOfPlaneError(
+            f"--grasp: the CoM is {1e3 * abs(float(normal @ towards)):.3g} mm beside the throw's "
+            "plane through it"
         )
     if abs(float(normal @ approach)) > ACROSS:
-        raise InputError("--axis: must lie in the throw's plane, square to --across")
+        raise OutOfPlaneError("--axis: must lie in the throw's plane, square to --across")
     along = along - (along @ normal) * normal
     along /= np.linalg.norm(along)
     up = np.cross(along, normal)
@@ -258,7 +254,27 @@ def _axes(mesh: Any, towards: Array, choices: MeshChoices) -> tuple[Array, float
     return np.array([along, normal, up]), 0.0 if abs(angle) < 1e-3 else angle
 
 
-def _unit(key: str, direction: Array) -> Array:
+def _directions(mesh: Any, towards: Array, choices: MeshChoices) -> tuple[Array, Array, Array]:
+    """The hand's approach axis, the object's axis from grasp to CoM, the normal of the throw's
+    plane: the thinnest way, unless it is chosen."""
+    reach = float(np.linalg.norm(towards))
+    if reach < CENTRAL and choices.axis is None:
+        raise InputError("--axis: needed with a grasp at the CoM, from which no axis leads to it")
+    approach = _unit("--axis", towards if choices.axis is None else choices.axis)
+    along = approach if reach < CENTRAL else towards / reach
+    if choices.across is None:
+        return approach, along, _thinnest(mesh, along)
+    return approach, along, _unit("--across", choices.across)
+
+
+def _is_beside(towards: Array, normal: Array) -> bool:
+    """Whether the CoM is too far beside the throw's plane. towards [m]: from grasp to CoM."""
+    far = min(OFF_PLANE, 0.2 * max(float(np.linalg.norm(towards)), CENTRAL))
+    return abs(float(normal @ towards)) > far
+
+
+def _unit(key: str, direction: Sequence[float] | Array) -> Array:
+    direction = np.asarray(direction)
     largest = float(np.abs(direction).max())
     if not largest:
         raise InputError(f"{key}: must not be zero")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tomllib
 from dataclasses import replace
@@ -103,35 +104,102 @@ def test_a_closed_mesh_without_a_volume_is_refused(refused, tmp_path, how) -> No
     assert "part.obj: has no volume: its triangles must" in refused("import-object", file, *words)
 
 
-def hammer(tmp_path: Path, how: str) -> Path:
-    """A handle along x of 200 mm and a head of 30 mm."""
-    handle = trimesh.creation.box([0.2, 0.02, 0.02])
-    head = trimesh.creation.box([0.03, 0.1, 0.1])
-    head.apply_translation([0.115 - 0.005 * (how == "over"), 0.0, 0.0])
-    if how == "inwards":
-        head.invert()
-    if how == "hollow":
-        hole = trimesh.creation.box([0.02, 0.08, 0.08])
-        hole.apply_translation([0.115, 0.0, 0.0])
-        hole.invert()
-        head = trimesh.util.concatenate([head, hole])
-    file = tmp_path / f"{how}.stl"
-    trimesh.util.concatenate([handle, head]).export(file)
+def bodies(file: Path, *boxes: tuple[list[float], list[float]], inwards: int = -1) -> Path:
+    """A mesh of boxes, each of a size and a centre [m]; the one of number `inwards` is a hole."""
+    meshes = [trimesh.creation.box(size).apply_translation(centre) for size, centre in boxes]
+    if inwards >= 0:
+        meshes[inwards].invert()
+    trimesh.util.concatenate(meshes).export(file)
     return file
 
 
-@pytest.mark.parametrize("how", ["over", "inwards"])
-def test_bodies_that_count_twice_or_less_than_nothing_are_refused(refused, tmp_path, how) -> None:
-    words = ("--density", "1000", "--grasp", "-0.05", "0", "0", "--out", tmp_path / "out.toml")
-    assert "has bodies that overlap" in refused("import-object", hammer(tmp_path, how), *words)
+HANDLE = ([0.2, 0.02, 0.02], [0.0, 0.0, 0.0])
+HEAD = ([0.03, 0.1, 0.1], [0.115, 0.0, 0.0])
+HOLE = ([0.02, 0.08, 0.08], [0.115, 0.0, 0.0])
+WORDS = ("--density", "1000", "--grasp", "-0.05", "0", "0", *Y)
 
 
-def test_bodies_that_touch_and_cavities_count_as_they_are(run, tmp_path) -> None:
-    handle, head, hole = 0.2 * 0.02**2, 0.03 * 0.1**2, 0.02 * 0.08**2
-    words = ("--density", "1000", "--grasp", "-0.05", "0", "0")
-    for how, volume in (("touch", handle + head), ("hollow", handle + head - hole)):
-        mass = imported(run, hammer(tmp_path, how), *words)["object"]["mass"]
-        assert mass == pytest.approx(1000 * volume, rel=1e-5)
+def box_moment(size: list[float], density: float, away: float) -> float:
+    """Moment of inertia of a box about an axis along y, `away` [m] from its centre."""
+    mass = density * float(np.prod(size))
+    return mass * ((size[0] ** 2 + size[2] ** 2) / 12 + away**2)
+
+
+@pytest.mark.parametrize(
+    ("boxes", "density", "inwards"),
+    [
+        ([HANDLE, HEAD], [1000, 1000], -1),
+        ([HANDLE, HEAD, HOLE], [1000, 1000, -1000], 2),
+        # Two halves that share all corners of a face; two bars that share an edge.
+        ([([0.1, 0.02, 0.04], [x, 0, 0]) for x in (-0.05, 0.05)], [1000, 1000], -1),
+        ([([0.1, 0.02, 0.02], [x, 0, x / 5]) for x in (-0.05, 0.05)], [1000, 1000], -1),
+    ],
+)
+def test_bodies_that_touch_and_cavities_count_as_they_are(
+    run, tmp_path, boxes, density, inwards
+) -> None:
+    """Mass, CoM and inertia are those of boxes by the parallel axis theorem."""
+    found = imported(run, bodies(tmp_path / "part.stl", *boxes, inwards=inwards), *WORDS)
+    mass = sum(d * np.prod(size) for (size, _), d in zip(boxes, density, strict=True))
+    com = (
+        sum(
+            d * np.prod(size) * np.array(centre)
+            for (size, centre), d in zip(boxes, density, strict=True)
+        )
+        / mass
+    )
+    inertia = sum(
+        box_moment(size, d, math.hypot(*(np.array(centre) - com)[::2]))
+        for (size, centre), d in zip(boxes, density, strict=True)
+    )
+    assert found["object"]["mass"] == pytest.approx(mass, rel=1e-5)
+    assert found["object"]["inertia"] == pytest.approx(inertia, rel=1e-5)
+    ahead = found["object"]["com"] - found["grasp"]["offset"]
+    assert ahead == pytest.approx(math.hypot(com[0] + 0.05, com[2]), abs=2e-5)
+
+
+def test_overlap_is_judged_by_its_volume(run, refused, tmp_path) -> None:
+    """A handle that reaches into its head: by 0.1 mm it is a note, by 5 mm refused."""
+    for depth in (1e-4, 5e-3):
+        head = (HEAD[0], [0.115 - depth, 0.0, 0.0])
+        mesh = bodies(tmp_path / "part.stl", HANDLE, head)
+        words = ("import-object", mesh, "--out", tmp_path / "part.toml", *WORDS)
+        twice = depth * 0.02**2
+        share = twice / (0.2 * 0.02**2 + 0.03 * 0.1**2 - twice)
+        if share < 1e-3:
+            said = run(*words, "--json")
+            assert json.loads(said.out)["overlap"] == pytest.approx(share, rel=0.01)
+        else:
+            assert "bodies that overlap" in refused(*words, "--force")
+
+
+def test_a_body_that_faces_inwards_is_refused(refused, tmp_path) -> None:
+    mesh = bodies(tmp_path / "part.stl", HANDLE, HEAD, inwards=1)
+    assert "face inwards" in refused("import-object", mesh, "--out", tmp_path / "out.toml", *WORDS)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        # Products of inertia tilt it out of this plane; the CoM is beside this one.
+        ("--grasp", "-0.06", "0", "-0.005", "--across", "0", "0.4", "1"),
+        ("--grasp", "-0.06", "0", "0", *Y),
+        ("--grasp", "-0.06", "0", "0", "--axis", "1", "0.2", "0", *Y),
+    ],
+)
+def test_options_that_are_proposed_work(run, refused, tmp_path, words) -> None:
+    """The plane that is proposed has a principal axis of inertia as its normal, to 5 %."""
+    bar, knob = ([0.2, 0.02, 0.03], [0, 0, 0]), ([0.03, 0.02, 0.03], [0.085, 0.02, 0.0])
+    mesh = bodies(tmp_path / "part.stl", bar, knob)
+    out = ("--mass", "0.3", "--out", tmp_path / "part.toml")
+    line = refused("import-object", mesh, *out, *words)
+    proposed = line.split(": try ")[1].split()
+    # Options that are given twice count as given last.
+    assert run("import-object", mesh, *out, *words, *proposed).status == 0
+    normal = np.array(list(map(float, proposed[proposed.index("--across") + 1 :][:3])))
+    inertia = trimesh.load(mesh).moment_inertia
+    product = np.linalg.norm(np.cross(inertia @ normal, normal))
+    assert product < 0.05 * (normal @ inertia @ normal)
 
 
 def test_a_grasp_where_the_mesh_is_fine_is_on_it(run, tmp_path) -> None:
@@ -154,7 +222,8 @@ def test_pads_that_close_on_nothing_are_refused(refused, tmp_path) -> None:
     # Beside the handle, in the plane of its side, and in that of the head's.
     for height in ("0.03", "0.01001", "0.05"):
         beside = ("--grasp", "-0.05", "0", height, *Y)
-        line = refused("import-object", hammer(tmp_path, "touch"), *words, *beside)
+        mesh = bodies(tmp_path / "hammer.stl", HANDLE, HEAD)
+        line = refused("import-object", mesh, *words, *beside)
         assert "--grasp: the pads close on nothing" in line
     line = refused("import-object", tmp_path / "ring.stl", *words, "--grasp", "0.02", "0", "0")
     assert "--grasp: the pads close on nothing" in line
