@@ -17,7 +17,6 @@ from typing import Any
 from ...interrupts import INTERRUPTS
 from ...problems import InputError
 from .cycle_view import CycleView, SpaceCycle
-from .page_guard import guarded
 from .style import PHASES
 from .view import View
 from .view_throw import SpaceThrow
@@ -47,20 +46,21 @@ def empty_page(title: str, port: int) -> Iterator[tuple[str, Any]]:
         import viser
     except ImportError:
         raise InputError("the page needs viser: pip install viser") from None
-    _check_port(port)
+    unavailable = InputError(f"--port {port}: is not available; choose another with --port")
+    with socket.socket() as probe:
+        if probe.connect_ex((HOST, port)) == 0:
+            raise unavailable
     # Browsers open connections and drop them silently.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     # viser prints its start and stop on stdout, which belongs to the command.
-    with contextlib.redirect_stdout(io.StringIO()), guarded(HOST, port) as state:
+    with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
     try:
-        if server.get_port() != port:
-            raise InputError(f"--port {port}: is taken; choose another with --port")
-        state.controls = getattr(server.gui, "_gui_input_handle_from_uuid", {})
-        if not (state.active and isinstance(state.controls, dict)):
-            raise InputError(f"the page cannot be guarded with viser {viser.__version__}")
-        # The share button would let other machines connect.
+        if server.get_port() != port:  # viser takes the next free one.
+            raise unavailable
+        # No tunnel from other machines, neither by the button nor by a message.
         server.gui.configure_theme(show_logo=False, show_share_button=False)
+        server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
         server.gui.main_panel.dock_right()
         # Light from all sides, and no environment picture, which viser would download.
         server.scene.configure_environment_map(None)
@@ -69,18 +69,6 @@ def empty_page(title: str, port: int) -> Iterator[tuple[str, Any]]:
     finally:
         with contextlib.redirect_stdout(io.StringIO()):
             server.stop()
-
-
-def _check_port(port: int) -> None:
-    """InputError for a port that is not available; viser would take another."""
-    with socket.socket() as probe:
-        if os.name == "posix":
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((HOST, port))
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise InputError(f"--port {port}: {reason}; choose another with --port") from None
 
 
 def run_panel(panel: Any, hold: float | None) -> None:
