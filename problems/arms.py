@@ -147,7 +147,22 @@ def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None 
             f"hand = {hand!r}: includes a hand, on which {gripper.description} cannot be mounted: "
             "import the arm with --tool FLANGE, its flange's link, without --tcp and --palm"
         )
-    return _with_gripper_at_wrist(arm_from(gripper.on(tables)), gripper)
+    arm = arm_from(gripper.on(tables))
+    note = _replacement(tables, arm, gripper)
+    arm = replace(arm, hand_links=(), notes=(*arm.notes, note) if note else arm.notes)
+    return _with_gripper_at_wrist(arm, gripper)
+
+
+def _replacement(tables: Mapping[str, Any], arm: Arm, gripper: GripperData) -> str:
+    """Words for the hand in an arm's tables whose place a gripper takes; empty if there is none."""
+    masses = rows_from("links", LinkInertia, tables.get("links", []))[arm.joints :]
+    rows = rows_from("capsules", LinkCapsule, tables.get("capsules", []))
+    mass, shapes = sum(link.mass for link in masses), sum(c.link > arm.joints for c in rows)
+    if not (mass or shapes or arm.hand_links):
+        return ""
+    parts = [", ".join(arm.hand_links), f"{mass:.3g} kg", f"{shapes} capsules"]
+    words = ", ".join(filter(None, parts))
+    return f"{gripper.description} takes the place of the arm's own hand ({words})"
 
 
 def _with_gripper_at_wrist(arm: Arm, gripper: GripperData) -> Arm:

@@ -164,6 +164,11 @@ class Arm:
         "[gripper] file is refused; left out: there is none, or a gripper may take its place",
         None,
     )
+    hand_links: tuple[str, ...] = described(
+        "links of the URDF that are the hand in [[links]] and [[capsules]]: a scene's [gripper] "
+        "file takes their place",
+        (),
+    )
     notes: tuple[str, ...] = described("sentences that plans with this arm repeat", ())
 
     @property

@@ -246,6 +246,8 @@ def _facts(options: argparse.Namespace, arm: Arm, chain: UrdfChain) -> dict[str,
         "lateral": arm.lateral,
         "tool": chain.tool,
         "hand": arm.hand,
+        "hand_links": list(arm.hand_links),
+        "hand_mass": arm.links[-1].mass if arm.links else None,
         "flange": chain.flange,
         "azimuth": names[arm.azimuth_joint],
         "throwing": [names[joint] for joint in arm.throwing_joints],
@@ -303,6 +305,11 @@ def _text(options: argparse.Namespace, result: dict[str, Any], held: str) -> str
         lines.append(f"the throw's plane is {result['lateral']:.4g} m beside the base's z axis")
     if held:
         lines.append(f"held (--hold): {held}")
+    if result["hand_links"]:
+        weight = f" ({result['hand_mass']:.3g} kg)" if result["mass"] is not None else ""
+        lines.append(f"links of the hand: {', '.join(result['hand_links'])}{weight}")
+        if not result["hand"]:
+            lines[-1] += "; a scene's [gripper] file takes their place"
     if result["hand"]:
         lines.append(
             f"includes the hand on {result['hand']}, so a scene's [gripper] file is refused; for "

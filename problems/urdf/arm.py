@@ -16,12 +16,13 @@ from ...models.robot import Arm, JointLimits, LinkInertia, PlanarArm, SpatialArm
 from ..arms import arm_from, arm_text
 from ..checks import InputError
 from ..files import toml_tables
-from .chain import MissingOptionError, UrdfChain, hanging, joint_named
+from .chain import MissingOptionError, UrdfChain, joint_named
 from .holding import joint_range
-from .reading import origin
 
 #: One value per joint; None without an option for it.
 Given = Sequence[float | None]
+#: Mass [kg], CoM (3,) [m] and inertia about it (3, 3) [kg m^2] of a body.
+Body = tuple[float, Array, Array]
 
 #: Options for limits by their names in an arm data file, in the order of `JointLimits`.
 LIMIT_OPTIONS = {
@@ -120,6 +121,7 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
         links=link_inertias(chain),
         joint_names=chain.names,
         hand=None if bare else chain.tool,
+        hand_links=chain.hand_links,
     )
     throwing = draft.throwing_joints
     if azimuth in throwing or len(set(throwing)) < len(throwing):
@@ -330,38 +332,33 @@ def _check_posture(arm: Arm, chain: UrdfChain) -> None:
 def link_inertias(chain: UrdfChain) -> tuple[LinkInertia, ...]:
     """The body that each chosen joint moves, up to the next, then the hand, in the arm's frames.
 
-    Links on fixed joints, and on joints that are held, are merged into their parent link; the tool
-    link and its descendants are the hand. Empty if the file has no masses.
+    Links on fixed joints, and on joints that are held, count to the body that moves them; the hand
+    is that of `UrdfChain.numbers`. Empty if the file has no masses.
     """
-    stops = [*chain.names, *(joint.name for joint in chain.path if joint.child == chain.tool)]
-    inertias = []
-    for joint, turn in zip(chain.joints, chain.turns, strict=True):
-        is_hand = joint.child == chain.tool
-        bodies = [] if is_hand else list(_bodies(chain.robot, joint.child, turn.T, stops))
-        inertias.append(_merge_bodies(bodies))
-    hand = _bodies(chain.robot, chain.tool, chain.hand_turn.T, stops)
-    inertias.append(_merge_bodies(list(hand)))
-    return tuple(inertias) if any(link.mass for link in inertias) else ()
+    robot, frames = chain.robot, chain.body_frames
+    robot.update_cfg(dict.fromkeys(robot.actuated_joint_names, 0.0))
+    bodies = [list[Body]() for _ in frames]
+    for link, number in chain.numbers.items():
+        frame, turn = frames[number]
+        at = np.linalg.inv(turn) @ robot.get_transform(link, frame)
+        bodies[number] += _body(robot.link_map[link], at)
+    inertias = tuple(map(_merge_bodies, bodies[1:]))
+    return inertias if any(link.mass for link in inertias) else ()
 
 
-def _bodies(
-    robot: Any, link: str, at: Array, stops: list[str]
-) -> Iterator[tuple[float, Array, Array]]:
-    """Mass, CoM (3,) and inertia about it (3, 3) of a link at pose `at` and of all on it."""
-    inertial = robot.link_map[link].inertial
+def _body(link: Any, at: Array) -> Iterator[Body]:
+    """The mass, CoM and inertia of a link at pose `at`; none of a link without a mass."""
+    inertial = link.inertial
     if inertial is not None and inertial.mass is not None:
         if not inertial.mass >= 0:
-            raise InputError(f"link '{link}': mass = {inertial.mass:g}: must be at least 0")
+            raise InputError(f"link '{link.name}': mass = {inertial.mass:g}: must be at least 0")
         pose = at if inertial.origin is None else at @ np.asarray(inertial.origin)
         own = np.zeros((3, 3)) if inertial.inertia is None else np.asarray(inertial.inertia)
         turn = pose[:3, :3]
         yield float(inertial.mass), pose[:3, 3], turn @ own @ turn.T
-    for joint in hanging(robot, link):
-        if joint.name not in stops:
-            yield from _bodies(robot, joint.child, at @ origin(joint), stops)
 
 
-def _merge_bodies(bodies: list[tuple[float, Array, Array]]) -> LinkInertia:
+def _merge_bodies(bodies: list[Body]) -> LinkInertia:
     """Bodies as one: masses added, inertias moved to the common CoM (Steiner)."""
     mass = sum(body[0] for body in bodies)
     if not mass:

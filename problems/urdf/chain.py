@@ -77,15 +77,51 @@ class UrdfChain:
     def flange(self) -> str | None:
         """The last link on the way to the tool that is no hand's by its name, and moves no fingers;
         None: the last joint moves a hand."""
-        on_way = {joint.name for joint in self.path}
-
-        def is_hand(link: str) -> bool:
-            own = (joint for joint in hanging(self.robot, link) if joint.name not in on_way)
-            fingers = any(joint.type != "fixed" for joint in own)
-            return fingers or re.search(HAND, link, re.IGNORECASE) is not None
-
         links = [str(joint.child) for joint in self.path[self.path.index(self.joints[-1]) :]]
-        return next(reversed([*itertools.takewhile(lambda link: not is_hand(link), links)]), None)
+        on_arm = itertools.takewhile(lambda link: not self._is_hand(link), links)
+        return next(reversed([*on_arm]), None)
+
+    @property
+    def numbers(self) -> dict[str, int]:
+        """Which of the arm's bodies each link is part of: 0 the base, else the joint's number from
+        1 that moves it, or one more than the last for links of the hand.
+
+        The hand begins where a link that the last joint moves is a hand's by its name, or moves
+        fingers, wherever the tool's frame is.
+        """
+        children = {str(joint.child) for joint in self.robot.robot.joints}
+        todo = [str(link) for link in self.robot.link_map if link not in children]
+        numbers = dict.fromkeys(todo, 0)
+        moved, last = {j.child: i for i, j in enumerate(self.joints, 1)}, len(self.joints)
+        while todo:
+            link = todo.pop()
+            if numbers[link] == last and self._is_hand(link):
+                numbers[link] = last + 1
+            for joint in hanging(self.robot, link):
+                child = str(joint.child)
+                numbers[child] = moved.get(child, numbers[link])
+                todo.append(child)
+        return numbers
+
+    @property
+    def hand_links(self) -> tuple[str, ...]:
+        """The links of the hand, as in `numbers`, in the file's order."""
+        last, numbers = len(self.joints) + 1, self.numbers
+        return tuple(str(link) for link in self.robot.link_map if numbers[link] == last)
+
+    @property
+    def body_frames(self) -> list[tuple[str, Array]]:
+        """By the numbers of `numbers`: a link, and in it the frame (4, 4) of the arm's body."""
+        base = np.eye(4)
+        base[:3, 3] = self.origin
+        names = [self.base, *(joint.child for joint in self.joints), self.tool]
+        return list(zip(names, [base, *self.turns, self.hand_turn], strict=True))
+
+    def _is_hand(self, link: str) -> bool:
+        """Whether a link is a hand's by its name, or moves fingers."""
+        own = (joint for joint in hanging(self.robot, link) if joint not in self.path)
+        fingers = any(joint.type != "fixed" for joint in own)
+        return fingers or re.search(HAND, link, re.IGNORECASE) is not None
 
     def frames(self) -> tuple[JointFrame, ...]:
         """The arm's joint frames, then the hand's, each in the frame before, at angle 0.

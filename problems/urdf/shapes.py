@@ -65,8 +65,8 @@ def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]
     `_path`.
     """
     robot, hand = chain.robot, len(chain.names) + 1
-    frames = _frames(chain)
-    moved_by, still = _numbers(chain), dict.fromkeys(robot.actuated_joint_names, 0.0)
+    frames, moved_by = chain.body_frames, chain.numbers
+    still = dict.fromkeys(robot.actuated_joint_names, 0.0)
     fingers = {name for name in still if moved_by[robot.joint_map[name].parent] == hand}
     meshes, unread = dict[int, list[list[Any]]](), dict[str, str]()
     for link in robot.link_map.values():
@@ -87,28 +87,6 @@ def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]
             meshes.setdefault(number, []).append(placed)
     robot.update_cfg(still)
     return meshes, unread
-
-
-def _frames(chain: UrdfChain) -> list[tuple[str, Array]]:
-    """URDF links, and in them the frames (4, 4) that capsules of base, joints and hand are in."""
-    base = np.eye(4)
-    base[:3, 3] = chain.origin
-    names = [chain.base, *(joint.child for joint in chain.joints), chain.tool]
-    return list(zip(names, [base, *chain.turns, chain.hand_turn], strict=True))
-
-
-def _numbers(chain: UrdfChain) -> dict[str, int]:
-    """`LinkCapsule.link` of each URDF link, by its name."""
-    numbers = {joint.child: i for i, joint in enumerate(chain.joints, start=1)}
-    numbers[chain.tool] = len(numbers) + 1
-    manipulators = {joint.child: joint.parent for joint in chain.robot.robot.joints}
-    numbers_of = {}
-    for name in chain.robot.link_map:
-        at = name
-        while at in manipulators and at not in numbers:
-            at = manipulators[at]
-        numbers_of[str(name)] = numbers.get(at, 0)
-    return numbers_of
 
 
 def _between(joint: Any, share: float) -> float:
@@ -250,7 +228,9 @@ def _overlap(chain: UrdfChain, capsules: Sequence[LinkCapsule]) -> float:
 def _ends(chain: UrdfChain, capsules: Sequence[LinkCapsule], state: Array) -> list[Array]:
     """Ends (2, 3) of each capsule in the base frame, at joint angles [rad]."""
     chain.posed(state.tolist())
-    frames = [chain.robot.get_transform(link, chain.base) @ turn for link, turn in _frames(chain)]
+    frames = [
+        chain.robot.get_transform(link, chain.base) @ turn for link, turn in chain.body_frames
+    ]
     return [
         np.array([c.begin, c.end]) @ frames[c.link][:3, :3].T + frames[c.link][:3, 3]
         for c in capsules
