@@ -61,14 +61,14 @@ def link_points(name: str) -> dict[int, Array]:
     assert not unread
     if name == "gen3":
         camera = trimesh.load(PACKAGES / VISION, force="mesh")
-        meshes[7].append([camera.apply_transform(np.linalg.inv(chain.turns[6]))])
+        meshes[7]["camera"] = [camera.apply_transform(np.linalg.inv(chain.turns[6]))]
     assert {*range(arm.joints + 1)} <= meshes.keys()
     theirs, own = _frames_at_zero(chain.frames()[:-1]), _frames_at_zero(arm.chain)
     found = dict[int, Array]()
     for link, parts in meshes.items():
         turn = np.linalg.inv(own[link]) @ theirs[link] if link <= arm.joints else np.eye(4)
         points = list[Array]()
-        for mesh in (mesh for part in parts for mesh in part):
+        for mesh in (mesh for part in parts.values() for mesh in part):
             mesh.apply_transform(turn)
             count = 3000 + int(2e5 * mesh.area)
             points += [mesh.vertices, trimesh.sample.sample_surface(mesh, count, seed=1)[0]]

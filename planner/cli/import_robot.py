@@ -93,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
         turned = {name: math.degrees(angle) for name, angle in turned.items()}
         try:
             options, chain, arm_data = _fill_options(options, robot)
-            shapes = link_shapes(chain, urdf_file(urdf))
+            shapes = link_shapes(chain, urdf_file(urdf), chain.length + options.tcp)
             arm_data = dataclasses.replace(arm_data, capsules=shapes.capsules, cover=shapes.cover)
             remarks = _remarks(chain, urdf, shapes, turned)
             text, arm = arm_file(arm_data, remarks, str(out))
@@ -114,6 +114,7 @@ def run(options: argparse.Namespace) -> int:
         "cover": arm.cover,
         "unread": list(shapes.unread),
         "tried": shapes.tried,
+        "not_z_up": list(shapes.not_z_up),
         "turned_deg": turned,
         "weak": weak_joints(arm),
     }
@@ -329,6 +330,11 @@ def _text(options: argparse.Namespace, result: dict[str, Any], held: str) -> str
         links = ", ".join(result["unread"])
         links += f" (tried {result['tried']})" if result["tried"] else ""
         lines.append(f"meshes not read: {links}: these links have no shape, cover not measured")
+    if result["not_z_up"]:
+        lines.append(
+            "COLLADA meshes whose up axis is not z, taken as they stand, as in RViz and MoveIt: "
+            + ", ".join(result["not_z_up"])
+        )
     lines.append(f"moved mass {mass:.4g} kg" if mass is not None else "no masses in the URDF")
     lines.append(
         f"kinematics at {result['states']} random states: at most {result['difference']:.1e} "

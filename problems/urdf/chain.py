@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -122,6 +123,11 @@ class UrdfChain:
         own = (joint for joint in hanging(self.robot, link) if joint not in self.path)
         fingers = any(joint.type != "fixed" for joint in own)
         return fingers or re.search(HAND, link, re.IGNORECASE) is not None
+
+    @property
+    def length(self) -> float:
+        """Distance [m] from the first joint to the tool link along the links, its longest reach."""
+        return sum(math.hypot(*frame.xyz) for frame in self.frames()[1:])
 
     def frames(self) -> tuple[JointFrame, ...]:
         """The arm's joint frames, then the hand's, each in the frame before, at angle 0.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,11 +15,15 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import LinkCapsule, segment_distance
+from ..checks import InputError
 from .chain import UrdfChain
 from .reading import BEYOND
 
 #: Decimals of the capsules' lengths [m], 1 mm.
 DIGITS = 3
+#: Largest distance of a shape from its link's frame, and of a mesh outside its capsules, as shares
+#: of the arm's reach. Beyond these, units or places of meshes are wrong.
+EXTENT, MISS = 1.5, 0.1
 
 
 @dataclass(frozen=True)
@@ -26,49 +31,68 @@ class LinkShapes:
     """Capsules of a robot's links, and the largest distance [m] of the links' meshes outside them.
 
     unread: the URDF's links whose meshes could not be read; tried: a file that was not found.
+    not_z_up: links with a COLLADA mesh whose up axis is another than z.
     """
 
     capsules: tuple[LinkCapsule, ...]
     cover: float
     unread: tuple[str, ...]
     tried: str = ""
+    not_z_up: tuple[str, ...] = ()
 
 
-def link_shapes(chain: UrdfChain, file: Path) -> LinkShapes:
+def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
     """A capsule of about the least volume around the meshes of each URDF link.
 
-    A link inside the capsules of other links of its joint has no capsule.
+    A link inside the capsules of other links of its joint has no capsule. reach [m]: of the arm;
+    InputError for shapes that do not fit it, see `EXTENT`.
     """
-    meshes, unread = link_meshes(chain, file)
-    capsules_found, clouds = list[LinkCapsule](), list[tuple[int, Array]]()
+    meshes, unread = link_meshes(chain, file, EXTENT * reach)
+    capsules_found, clouds = list[LinkCapsule](), list[tuple[int, str, Array]]()
     for number in sorted(meshes):
-        own = [np.vstack([mesh.vertices for mesh in each]) for each in meshes[number]]
-        for points in sorted(own, key=lambda cloud: -float(np.ptp(cloud, axis=0).max())):
+        own = {name: np.vstack([mesh.vertices for mesh in m]) for name, m in meshes[number].items()}
+        for points in sorted(own.values(), key=lambda cloud: -float(np.ptp(cloud, axis=0).max())):
             if _outside(points, [c for c in capsules_found if c.link == number]) > 0.0:
                 capsules_found.append(_around(number, points))
-        clouds += [(number, points) for points in own]
+        clouds += [(number, name, points) for name, points in own.items()]
     less = _overlap(chain, capsules_found)
     capsules_found = [
         replace(c, radius=max(round(c.radius - less, DIGITS), 1e-3)) for c in capsules_found
     ]
-    outside = [_outside(points, [c for c in capsules_found if c.link == n]) for n, points in clouds]
-    cover = math.ceil(1e3 * max(outside, default=0.0)) / 1e3
+    cover = 0.0
+    for number, name, points in clouds:
+        outside = _outside(points, [c for c in capsules_found if c.link == number])
+        if outside > MISS * reach:
+            raise InputError(
+                f"link '{name}': its shape sticks {outside:.3g} m out of the capsules for it, "
+                f"more than {MISS:.0%} of the arm's reach, {reach:.3g} m: split it into links, or "
+                "give it a smaller <collision>"
+            )
+        cover = max(cover, math.ceil(1e3 * outside) / 1e3)
     tried = next(filter(None, unread.values()), "")
-    return LinkShapes(tuple(capsules_found), cover, tuple(unread), tried)
+    turned = tuple(
+        name
+        for own in meshes.values()
+        for name, parts in own.items()
+        if any(part.metadata.get("up_axis", "Z") != "Z" for part in parts)
+    )
+    return LinkShapes(tuple(capsules_found), cover, tuple(unread), tried, turned)
 
 
-def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]], dict[str, str]]:
+def link_meshes(
+    chain: UrdfChain, file: Path, extent: float = math.inf
+) -> tuple[dict[int, dict[str, list[Any]]], dict[str, str]]:
     """Meshes (trimesh) of each URDF link, by the `LinkCapsule.link` whose frame they are in.
 
     A link's collision geometry, else its visual one; fingers in all their places. Also the names of
     links whose meshes are not read, each with a file that was not found, or "". file: the URDF, see
-    `_path`.
+    `_path`. InputError for a shape farther than extent [m] from its link's frame.
     """
     robot, hand = chain.robot, len(chain.names) + 1
     frames, moved_by = chain.body_frames, chain.numbers
     still = dict.fromkeys(robot.actuated_joint_names, 0.0)
     fingers = {name for name in still if moved_by[robot.joint_map[name].parent] == hand}
-    meshes, unread = dict[int, list[list[Any]]](), dict[str, str]()
+    meshes, unread = dict[int, dict[str, list[Any]]](), dict[str, str]()
     for link in robot.link_map.values():
         number, placed = moved_by[link.name], list[Any]()
         try:
@@ -76,6 +100,13 @@ def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]
         except Exception as error:  # trimesh lets through whatever its readers raise.
             unread[link.name] = str(error) if isinstance(error, _MissingMeshError) else ""
             continue
+        far = max((np.linalg.norm(part.vertices, axis=1).max() for part in parts), default=0.0)
+        if far > extent:
+            raise InputError(
+                f"link '{link.name}': its shape reaches {far:.3g} m from the link's frame, farther "
+                f"than {EXTENT:g} times the arm's reach, {extent / EXTENT:.3g} m: correct its "
+                "mesh's scale or unit, or take the shape out of the URDF"
+            )
         frame, turn = frames[number]
         # Shares of the fingers' ranges.
         for share in (0.0, 0.25, 0.5, 0.75, 1.0) if number == hand else (0.0,):
@@ -84,7 +115,7 @@ def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]
             pose = np.linalg.inv(turn) @ robot.get_transform(link.name, frame)
             placed += [part.copy().apply_transform(pose) for part in parts]
         if placed:
-            meshes.setdefault(number, []).append(placed)
+            meshes.setdefault(number, {})[str(link.name)] = placed
     robot.update_cfg(still)
     return meshes, unread
 
@@ -100,10 +131,11 @@ def _parts(link: Any, file: Path) -> Iterator[Any]:
     """A link's collision geometry, else its visual one, in its own frame."""
     import trimesh
 
+    mesh: Any
     for part in link.collisions or link.visuals:
         shape = part.geometry
         if shape.mesh is not None:
-            mesh: Any = trimesh.load(_path(shape.mesh.filename, file), force="mesh")
+            mesh = _loaded(_path(shape.mesh.filename, file))
             mesh.apply_scale(1.0 if shape.mesh.scale is None else shape.mesh.scale)
         elif shape.box is not None:
             mesh = trimesh.creation.box(shape.box.size)
@@ -117,6 +149,19 @@ def _parts(link: Any, file: Path) -> Iterator[Any]:
         if not (len(mesh.vertices) and np.abs(mesh.vertices).max() <= BEYOND):
             raise ValueError("an empty mesh, or one that no robot has")
         yield mesh
+
+
+def _loaded(path: Path) -> Any:
+    """A mesh in metres. COLLADA has a unit, which counts, and an up axis, which does not: ROS takes
+    the coordinates as they stand, and its robots' meshes rely on it."""
+    import trimesh
+
+    mesh: Any = trimesh.load(path, force="mesh")
+    if path.suffix.lower() == ".dae":
+        mesh.convert_units("m")
+        up_axis = re.search(rb"<up_axis>\s*([XYZ])_UP", path.read_bytes())
+        mesh.metadata["up_axis"] = up_axis[1].decode() if up_axis else "Z"
+    return mesh
 
 
 class _MissingMeshError(Exception):

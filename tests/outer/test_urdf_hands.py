@@ -1,8 +1,9 @@
-"""Imported arms keep all masses and shapes of their file, whichever frame is named as the tool."""
+"""Imported arms keep masses and shapes of their file, whichever frame is the tool, at true size."""
 
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 import throwplan as tp
+import trimesh
 import yourdfpy
 from imports import imported
 from throwplan.models.robot import SpatialArm
@@ -165,3 +167,88 @@ def test_a_plan_says_which_hand_the_gripper_took_the_place_of(tmp_path) -> None:
     scene = tp.load_scene(tmp_path / "scene.toml")
     notes = [note for note in scene.notes if "takes the place" in note]
     assert len(notes) == 1 and "0.713 kg" in notes[0]
+
+
+# Units and extents of meshes.
+
+#: A box of 0.2 x 0.1 x 0.3 m as COLLADA, in its unit.
+COLLADA = """<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset>
+<created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified>
+<unit name="one" meter="{unit}"/><up_axis>{up}_UP</up_axis></asset><library_geometries>
+<geometry id="g"><mesh><source id="p"><float_array id="a" count="24">{places}</float_array>
+<technique_common><accessor source="#a" count="8" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices><triangles count="12">
+<input semantic="VERTEX" source="#v" offset="0"/><p>{corners}</p></triangles></mesh></geometry>
+</library_geometries><library_visual_scenes><visual_scene id="s"><node id="n">
+<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+
+
+def with_mesh(
+    folder: Path, unit: float = 1.0, up: str = "Z", declared: float | None = None
+) -> Path:
+    """The arm with a COLLADA box on its forearm, from the joint on along x."""
+    box = trimesh.creation.box((0.2, 0.1, 0.3)).apply_translation((0.1, 0.0, 0.0))
+    places, corners = (" ".join(map(str, a.ravel())) for a in (box.vertices / unit, box.faces))
+    text = COLLADA.format(unit=declared or unit, up=up, places=places, corners=corners)
+    (folder / "box.dae").write_text(text)
+    urdf = handy(folder)
+    shape = '<visual><geometry><mesh filename="box.dae"/></geometry></visual>'
+    head = '<link name="forearm">'
+    urdf.write_text(urdf.read_text().replace(head, head + shape))
+    return urdf
+
+
+def test_the_unit_of_a_collada_mesh_counts(tmp_path) -> None:
+    options = ["--tool", "mount", *OPTIONS]
+    shapes = []
+    for unit in (1.0, 0.0254, 0.001):
+        arm = imported(tmp_path, with_mesh(tmp_path, unit), JOINTS, *options)
+        (capsule,) = (c for c in arm.capsules if c.link == 3)
+        shapes.append([*sorted([capsule.begin, capsule.end]), capsule.radius])
+    # The ball around the box is the largest sensible capsule.
+    assert shapes[0][-1] <= math.hypot(0.1, 0.05, 0.15)
+    for shape in shapes[1:]:
+        np.testing.assert_allclose(np.hstack(shape), np.hstack(shapes[0]), atol=2e-3)
+
+
+def test_coordinates_count_as_they_stand_and_another_up_axis_is_said(tmp_path, run) -> None:
+    """As in ROS, whose robots' meshes carry any up axis: Baxter's torso says Y_UP and is z up."""
+    found = []
+    for up in "ZY":
+        urdf, out = with_mesh(tmp_path, up=up), tmp_path / "arm.toml"
+        words = ["--tool", "mount", *OPTIONS, "--force", "--json", "--out", out]
+        said = run("import-robot", urdf, *words).json
+        assert said["not_z_up"] == (["forearm"] if up == "Y" else [])
+        found.append(load_arm("arm.toml", tmp_path).capsules)
+    assert found[0] == found[1]
+
+
+def test_a_mesh_larger_than_the_arm_is_refused_with_its_size(tmp_path, refused, untouched) -> None:
+    """Inches without their unit: 39 times too large."""
+    urdf = with_mesh(tmp_path, 0.0254, declared=1.0)
+    untouched()
+    line = refused(
+        "import-robot", urdf, "--tool", "mount", *OPTIONS, "--out", tmp_path / "arm.toml"
+    )
+    far = math.hypot(0.2, 0.05, 0.15) / 0.0254
+    # Joints 0.2, 0.4 and 0.35 m apart, and 0.1 m to the flange.
+    assert f"link 'forearm': its shape reaches {far:.3g} m" in line and "reach, 1.05 m" in line
+
+
+def test_capsules_far_from_their_meshes_are_refused(tmp_path, refused, untouched) -> None:
+    """Two plates that capsules, round as they are, cannot hold without meeting in most postures."""
+    urdf = handy(tmp_path)
+    plate = '<collision><geometry><box size="0.8 0.8 0.02"/></geometry></collision>'
+    text = urdf.read_text()
+    for name in ("column", "forearm_end"):
+        text = text.replace(f'<link name="{name}">', f'<link name="{name}">{plate}')
+    urdf.write_text(text)
+    untouched()
+    line = refused(
+        "import-robot", urdf, "--tool", "mount", *OPTIONS, "--out", tmp_path / "arm.toml"
+    )
+    miss = re.search(r"link '(\w+)': its shape sticks (\S+) m out .* 10% of .* 1.05 m", line)
+    assert miss[1] in ("column", "forearm_end") and float(miss[2]) > 0.105
