@@ -7,5 +7,5 @@ tables and pictures.
 """
 
 from .page import Effort, Picture, ReportSection
-from .run import SECTIONS, make_report
+from .run import FROZEN, SECTIONS, make_report
 from .summary import PAGE

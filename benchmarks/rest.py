@@ -1,37 +1,21 @@
-"""Section `rest`: where objects end: recorded tosses of a cube, and throws into bins.
-
-The tosses are those of ContactNets (Pfrommer, Halm, Posa 2020; BSD licence beside the data): a cube
-of 10 cm thrown by hand onto a board, from its state after the release to where it comes to rest.
-"""
+"""Section `rest`: where objects end that are thrown into bins."""
 
 from __future__ import annotations
 
-import csv
-import importlib
 import math
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
-from throwplan import Cup, Grasp, Object, Plan, Planner, Pose, Region, Rest, Scene, load_scene
-from throwplan.models import Array
-from throwplan.planner.rest import ContactModel, entry_states, load_mujoco, roll_to_rest
+from throwplan import Cup, Object, Plan, Planner, Region, Rest, Scene, load_scene
+from throwplan.planner.rest import entry_states, roll_to_rest
 from throwplan.planner.samples import ReleaseSampler
-from throwplan.planner.show import Row, Table, shown
+from throwplan.planner.show import Row, Table
 from throwplan.planner.uncertainty import Entries, count_rests
 from throwplan.planner.verdict import lands_well
 
 from .page import Effort, ReportSection
 
-#: The recorded tosses: 570 rows.
-TOSSES = Path(__file__).parent / "data" / "cube-tosses.csv"
-#: Half the cube's edge [m], its mass [kg] and its moment of inertia [kg m^2], from the same source.
-HALF, MASS, INERTIA = 0.0524, 0.37, 8.1e-4
-#: Contacts that are tried on the tosses: restitution and friction.
-CONTACTS = [(e, mu) for e in (0.0, 0.125, 0.25) for mu in (0.10, 0.18, 0.30)]
-#: Time step [s] of these simulations.
-STEP = 5e-4
 #: Seed of the bins.
 SEED = 32
 #: Number of bin scenes: quick, full.
@@ -45,8 +29,7 @@ ENOUGH = 0.9
 
 
 def make(effort: Effort) -> ReportSection:
-    """Tosses, then bins."""
-    tosses = toss_rows(effort.of(60, 570))
+    """Plans into random bins, with `[rest]` and without it."""
     wanted = effort.of(*BINS)
     step, bins = effort.counter(wanted), list[Row]()
     for row in _bin_rows():
@@ -57,82 +40,9 @@ def make(effort: Effort) -> ReportSection:
     return ReportSection(
         "rest",
         "Where the object ends",
-        [_toss_figure(tosses), *_bin_figures(bins)],
-        [
-            Table("rest-tosses", "Recorded tosses of a cube: where it ends", tosses),
-            Table("rest-bins", "Throws into bins: of 64 throws, those that stay", bins),
-        ],
+        _bin_figures(bins),
+        [Table("rest-bins", "Throws into bins: of 64 throws, those that stay", bins)],
     )
-
-
-# Recorded tosses.
-
-
-def toss_rows(count: int) -> list[Row]:
-    """The distance between simulated and recorded ends, by the contact, on two halves."""
-    with TOSSES.open(encoding="utf-8") as file:
-        names = next(csv.reader(file))
-    data = dict(zip(names, np.loadtxt(TOSSES, delimiter=",", skiprows=1)[:count].T, strict=True))
-    end = np.array([data["end_x"], data["end_y"]])
-    rows = list[Row]()
-    for contact in CONTACTS:
-        off = 1e3 * np.hypot(*(_ends(data, *contact) - end))
-        first, second = np.median(off[::2]), np.median(off[1::2])
-        rows.append(
-            {
-                "restitution": contact[0],
-                "friction": contact[1],
-                "odd tosses, median [mm]": float(first),
-                "even tosses, median [mm]": float(second),
-                "90 % of all [mm]": float(np.quantile(off, 0.9)),
-            }
-        )
-    fall = data["v_z"] + np.sqrt(data["v_z"] ** 2 + 2 * 9.81 * np.maximum(data["z"] - HALF, 0.0))
-    stays = [data[f"{axis}"] + data[f"v_{axis}"] * fall / 9.81 for axis in "xy"]
-    off = 1e3 * np.hypot(*(np.array(stays) - end))
-    rows.append(
-        {
-            "restitution": None,
-            "friction": None,
-            "odd tosses, median [mm]": float(np.median(off[::2])),
-            "even tosses, median [mm]": float(np.median(off[1::2])),
-            "90 % of all [mm]": float(np.quantile(off, 0.9)),
-        }
-    )
-    return rows
-
-
-def _ends(data: dict[str, Array], restitution: float, friction: float) -> Array:
-    """Simulated x, y (2, N) [m] at the end of each toss."""
-    mujoco, rollout = load_mujoco(), importlib.import_module("mujoco.rollout")
-    cube = Object(mass=MASS, inertia=INERTIA, length=2 * HALF, width=2 * HALF, com=HALF)
-    scene = load_scene("hand-box").replace(
-        object=cube, grasp=Grasp(), target=Pose(0.6, 0.3), rest=Rest(within=1.0, floor=0.0)
-    )
-    model = ContactModel.of(scene, STEP, restitution, friction).model
-    names = ["x", "y", "z", "q_w", "q_x", "q_y", "q_z", "v_x", "v_y", "v_z", "w_x", "w_y", "w_z"]
-    states = np.column_stack([0.0 * data["x"], *(data[name] for name in names)])
-    last = np.round(data["duration"] / STEP).astype(int) - 1
-    threads = [mujoco.MjData(model) for _ in range(2)]
-    with rollout.Rollout(nthread=2) as pool:
-        path, _ = pool.rollout(model, threads, states, nstep=int(last.max()) + 1)
-    return np.asarray(path[np.arange(len(states)), last, 1:3].T)
-
-
-def _toss_figure(rows: list[Row]) -> str:
-    *tried, stays = rows
-    best = min(tried, key=lambda row: float(str(row["odd tosses, median [mm]"])))
-    return (
-        "Recorded tosses of a cube, 570 (60 in a quick run): with the contact that fits the odd "
-        "ones best (restitution "
-        f"{shown(best['restitution'])}, friction {shown(best['friction'])}) the even ones end "
-        f"{shown(best['even tosses, median [mm]'])} mm in the median from where the cube came to "
-        f"rest, 90 % of all within {shown(best['90 % of all [mm]'])} mm. A cube that stops where "
-        f"it lands would be {shown(stays['even tosses, median [mm]'])} mm off."
-    )
-
-
-# Bins.
 
 
 def _bin_figures(rows: list[Row]) -> list[str]:

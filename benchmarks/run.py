@@ -12,23 +12,7 @@ from pathlib import Path
 
 from throwplan.problems.files import filling
 
-from . import (
-    calibration,
-    edge,
-    models,
-    parts,
-    planner,
-    pushes,
-    reach,
-    regions,
-    rest,
-    robust,
-    shapes,
-    stability,
-    summary,
-    swings,
-    throws,
-)
+from . import models, parts, planner, reach, rest, robust, stability, summary, swings
 from .page import APPENDIX, Effort, ReportSection, parts_of, write_page
 
 #: Sections by their names for `--only`, in the page's order.
@@ -39,16 +23,13 @@ SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "stability": stability.make,
     "parts": parts.make,
     "reach": reach.make,
-    "edge": edge.make,
-    "regions": regions.make,
     "rest": rest.make,
     "swings": swings.make,
     "robust": robust.make,
-    "throws": throws.make,
-    "calibration": calibration.make,
-    "pushes": pushes.make,
-    "shapes": shapes.make,
 }
+#: Sections of studies that are done, after the others on the page. Their text, tables and pictures
+#: stay; their code is in the commit that they name.
+FROZEN = ("edge", "tosses", "throws", "calibration", "pushes", "shapes")
 #: Libraries whose versions the report names.
 LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig")
 
@@ -76,7 +57,7 @@ def make_report(
         page[key] = section.markdown()
         with filling(folder, (*section.files, APPENDIX)) as scratch:
             section.write(scratch)
-            write_page(scratch, page, tuple(SECTIONS))
+            write_page(scratch, page, (*SECTIONS, *FROZEN))
         summary.write_summary(folder, page)
     return made
 

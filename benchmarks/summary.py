@@ -75,7 +75,7 @@ def write_summary(folder: Path, parts: Mapping[str, str]) -> None:
 
 def _block(lines: list[str], part: str) -> list[str]:
     """Paragraphs, and where and when their figures were measured; nothing without a table."""
-    made = re.findall(r"^`python -m benchmarks --only \w+`: \S+ s, (.*)$", part, flags=re.M)
+    made = re.findall(r"^`python -m benchmarks --only \w+`.*?: \S+ s, (.*)$", part, flags=re.M)
     return [*lines, f"*Measured {made[-1]}*"] if lines and made else lines
 
 

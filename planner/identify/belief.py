@@ -20,7 +20,7 @@ from ...problems.throws import Shared
 from .predict import BASE, UNKNOWNS, parameter_sets
 
 #: Standard deviations that a scene does not give: relative ones, and the delay's [s]. The radius of
-#: real sliders was off by -29 to 19 % from geometry (benchmarks, section `pushes`).
+#: real sliders was off by -29 to 19 % from geometry (the report, friction laws on real pushes).
 ASSUMED = {"friction": 0.4, "patch_radius": 0.25, "delay": 0.01, "grip_scale": 0.1}
 
 
