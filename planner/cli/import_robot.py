@@ -6,13 +6,15 @@ import argparse
 import dataclasses
 import math
 import shlex
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 from ...models.robot import Arm
 from ...problems import InputError
-from ...problems.files import copy_out
+from ...problems.arms import arm_from, arm_table, arm_text
+from ...problems.files import copy_out, toml_tables
+from ...problems.scene_files import scene_from_table
 from ...problems.urdf import (
     AXES,
     EXACT,
@@ -22,7 +24,6 @@ from ...problems.urdf import (
     LinkShapes,
     MissingOptionError,
     UrdfChain,
-    arm_file,
     arm_of,
     chain_of,
     kinematics_difference,
@@ -33,8 +34,16 @@ from ...problems.urdf import (
     urdf_file,
     weak_joints,
 )
+from ..planner import Planner
 from .common import DONE, Add, Progress, number, print_result, toml_out
 
+#: A scene of which the arm alone may be wrong: a light object, held firmly.
+ANY_SCENE: dict[str, Any] = {
+    "object": {"mass": 1e-3, "length": 0.02, "width": 0.002, "com": 0.01},
+    "contact": {"friction": 1.0, "patch_radius": 0.01},
+    "gripper": {"force": 100.0, "opening": 0.05},
+    "target": {"x": 1.0, "z": 0.0},
+}
 LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3", "torque": "N m"}
 
 
@@ -64,7 +73,8 @@ def arguments(add: Add) -> None:
     words = "the hand's body behind the pads' centre, in m (default: none)"
     form = ("BACK", "FRONT", "HALF_WIDTH")
     add("--palm", nargs=3, type=number(), metavar=form, help=words)
-    add("--azimuth", metavar="J", help="joint that turns the throw's plane (default: the first)")
+    words = "joint that turns the throw's plane (default: the first that is upright)"
+    add("--azimuth", metavar="J", help=words)
     words = "joints that throw (default: those that turn in the plane y = 0)"
     add("--throwing", nargs="+", metavar="J", default=[], help=words)
     words = "angles of all joints; those that do not throw keep them (default: 0 if allowed, pads "
@@ -92,24 +102,18 @@ def run(options: argparse.Namespace) -> int:
         robot, turned = read_urdf(urdf, dict(options.arguments))
         turned = {name: math.degrees(angle) for name, angle in turned.items()}
         try:
-            options, chain, arm_data = _fill_options(options, robot)
-            shapes = link_shapes(chain, urdf_file(urdf), chain.length + options.tcp)
-            arm_data = dataclasses.replace(arm_data, capsules=shapes.capsules, cover=shapes.cover)
-            remarks = _remarks(chain, urdf, shapes, turned)
-            text, arm = arm_file(arm_data, remarks, str(out))
+            robot_import = _import(options, robot)
+        except MissingOptionError:
+            raise _proposal(options, robot).within(str(urdf)) from None
         except InputError as error:
             raise error.within(str(urdf)) from None
-        difference = kinematics_difference(arm, chain)
-    if not difference <= EXACT:
-        raise InputError(
-            f"{urdf}: the arm's kinematics differ by {difference:.1e} from yourdfpy's, must be at "
-            f"most {EXACT:.0e}: nothing written"
-        )
+    chain, arm, shapes = robot_import.chain, robot_import.arm, robot_import.shapes
+    text = arm_text(arm, _remarks(chain, urdf, shapes, turned))
     copy_out(text, out, force=options.force)
     result = _facts(options, arm, chain) | {
         "held": chain.held,
         "states": STATES,
-        "difference": difference,
+        "difference": robot_import.difference,
         "capsules": len(arm.capsules),
         "cover": arm.cover,
         "unread": list(shapes.unread),
@@ -139,39 +143,111 @@ def _position(word: str) -> tuple[str, float]:
     return name, position
 
 
-def _fill_options(
-    options: argparse.Namespace, robot: Any
-) -> tuple[argparse.Namespace, UrdfChain, Arm]:
-    """The options with the joints' names, the chain of these joints, and the arm.
+@dataclasses.dataclass(frozen=True)
+class _Import:
+    """An arm that scenes take, its chain and shapes, and how far [m; -] its kinematics differ from
+    yourdfpy's."""
 
-    InputError with all missing options, and a complete command line with values to try; of one that
-    does not lead to an arm, why.
-    """
-    missing = list[str]()
-    words = [word for word in options.words if word != "--json"]
-    while True:
-        ends = options.tool, options.base, options.approach, options.closing, options.azimuth
-        try:
-            chain = chain_of(robot, options.joints, *ends, hold=_given_positions(options, robot))
-            options.joints = list(chain.names)
-            limits = limits_of(chain, _given_limits(options))
-            break
-        except MissingOptionError as error:
-            missing.append(str(error))
-            for option, values in error.proposals.items():
-                alone = len(values) == 1 and values[0].startswith("-")
-                words += [f"{option}={values[0]}"] if alone else [option, *values]
-            options = options.parser.parse_args(words[1:])
-    tried = shlex.join(["throwplan", *words])
+    chain: UrdfChain
+    arm: Arm
+    shapes: LinkShapes
+    difference: float
+
+
+def _import(options: argparse.Namespace, robot: Any) -> _Import:
+    """The arm of complete options; MissingOptionError for what they lack."""
+    ends = options.tool, options.base, options.approach, options.closing, options.azimuth
+    chain = chain_of(robot, options.joints, *ends, hold=_given_positions(options, robot))
+    options.joints = list(chain.names)
+    arm = arm_of(chain, limits_of(chain, _given_limits(options)), _choices(options, chain))
+    shapes = link_shapes(chain, urdf_file(Path(options.urdf)), chain.length + options.tcp)
+    arm = dataclasses.replace(arm, capsules=shapes.capsules, cover=shapes.cover)
+    arm = arm_from(toml_tables(arm_text(arm), options.out))
+    _check_takes(options, arm)
+    difference = kinematics_difference(arm, chain)
+    if not difference <= EXACT:
+        raise InputError(
+            f"the arm's kinematics differ by {difference:.1e} from yourdfpy's, must be at most "
+            f"{EXACT:.0e}"
+        )
+    return _Import(chain, arm, shapes, difference)
+
+
+def _check_takes(options: argparse.Namespace, arm: Arm) -> None:
+    """InputError, by what every scene checks, if scenes do not take the arm."""
+
+    def check(arm: Arm) -> None:
+        scene = {"name": "a scene", "arm": arm_table(arm), "robot": {"arm": arm.name}}
+        Planner(scene_from_table(scene | ANY_SCENE))
+
     try:
-        arm = arm_of(chain, limits, _choices(options, chain))
+        check(arm)
+    except InputError:
+        check(dataclasses.replace(arm, links=()))
+        # It is the torques.
+        weak = weak_joints(arm)
+        words = f"limits that do not hold the arm at rest: {_weak(weak)}; take the data sheet's"
+        if options.torque:
+            raise InputError(f"--torque: {words}") from None
+        values = [f"{2 * weak[n][0]:.2g}" if n in weak else "-" for n in options.joints]
+        raise MissingOptionError(f"--torque is missing: {words}", {"--torque": values}) from None
+
+
+@dataclasses.dataclass(frozen=True)
+class _Attempt:
+    """A command line, and the lines about what had been missing before; error: why it fails."""
+
+    words: list[str]
+    missing: list[str]
+    error: InputError | None = None
+
+
+def _proposal(options: argparse.Namespace, robot: Any) -> InputError:
+    """All that a command line lacks, and one that works; where none does, why."""
+    own = [word for word in options.words if word != "--json"]
+    attempt = _attempt(options.parser, robot, own, {}, [])
+    tried = shlex.join(["throwplan", *attempt.words])
+    if attempt.error is None:
+        return InputError(*attempt.missing, f"with values to try: {tried}")
+    return InputError(*attempt.missing, f"{attempt.error}; tried: {tried}")
+
+
+def _attempt(
+    parser: argparse.ArgumentParser,
+    robot: Any,
+    own: list[str],
+    added: Mapping[str, list[str]],
+    missing: list[str],
+) -> _Attempt:
+    """The first command line that leads to an arm, of `own` words and proposed options; else the
+    first that was tried."""
+    words = _without(own, added)
+    for option, values in added.items():
+        alone = len(values) == 1 and values[0].startswith("-")
+        words += [f"{option}={values[0]}"] if alone else [option, *values]
+    try:
+        _import(parser.parse_args(words[1:]), robot)
+    except MissingOptionError as error:
+        attempts, missing = list[_Attempt](), [*missing, str(error)]
+        for proposal in error.proposals:
+            attempts.append(_attempt(parser, robot, own, {**added, **proposal}, missing))
+            if attempts[-1].error is None:
+                return attempts[-1]
+        return attempts[0]
     except InputError as error:
-        if missing:
-            raise InputError(*missing, f"{error}; tried: {tried}") from None
-        raise
-    if missing:
-        raise InputError(*missing, f"with values to try: {tried}")
-    return options, chain, arm
+        return _Attempt(words, missing, error)
+    return _Attempt(words, missing)
+
+
+def _without(words: list[str], names: Collection[str]) -> list[str]:
+    """The words of a command line without some options and their values."""
+    kept, drop = list[str](), False
+    for word in words:
+        if word.startswith("--"):
+            drop = word.partition("=")[0] in names
+        if not drop:
+            kept.append(word)
+    return kept
 
 
 def _given_limits(options: argparse.Namespace) -> dict[str, list[float | None]]:
@@ -211,7 +287,6 @@ def _choices(options: argparse.Namespace, chain: UrdfChain) -> Choices:
             raise InputError("--palm: must be BACK above FRONT, both and HALF_WIDTH above 0")
     return Choices(
         options.name or " ".join(str(chain.robot.robot.name or "arm").split()),
-        options.azimuth,
         tuple(options.throwing),
         tuple(map(math.radians, options.posture_deg)),
         options.tcp,
@@ -274,10 +349,8 @@ def _turned(turned: Mapping[str, float]) -> str:
 
 def _weak(weak: Mapping[str, tuple[float, float]]) -> str:
     """Which joints are too weak to hold the arm, as text."""
-    joints = (f"{name} needs {need:.3g} N m, has {has:g}" for name, (need, has) in weak.items())
-    return (
-        f"torque limits that do not hold the arm at rest in all poses: {', '.join(joints)}; if "
-        "they are the URDF's placeholders, give --torque from the data sheet"
+    return ", ".join(
+        f"{name} needs {need:.3g} N m, has {has:g}" for name, (need, has) in weak.items()
     )
 
 
@@ -301,7 +374,10 @@ def _text(options: argparse.Namespace, result: dict[str, Any], held: str) -> str
     if result["turned_deg"]:
         lines.append(_turned(result["turned_deg"]))
     if result["weak"]:
-        lines.append(_weak(result["weak"]))
+        words = (
+            f"torque limits that do not hold the arm at rest in all poses: {_weak(result['weak'])}"
+        )
+        lines.append(f"{words}; if they are placeholders, give --torque from the data sheet")
     if result["lateral"]:
         lines.append(f"the throw's plane is {result['lateral']:.4g} m beside the base's z axis")
     if held:

@@ -13,10 +13,8 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import Arm, JointLimits, LinkInertia, PlanarArm, SpatialArm, Tool
-from ..arms import arm_from, arm_text
 from ..checks import InputError
-from ..files import toml_tables
-from .chain import MissingOptionError, UrdfChain, joint_named
+from .chain import EXACT, MissingOptionError, UrdfChain, joint_named
 from .holding import joint_range
 
 #: One value per joint; None without an option for it.
@@ -39,8 +37,6 @@ PROPOSED = dict(zip(LIMIT_OPTIONS, ("-180", "180", "1", "10", "1000", "50"), str
 STATES = 24
 #: Number of random states at rest, and gravity [m/s^2], of the torques that hold the arm.
 REST_STATES, GRAVITY = 1000, 9.81
-#: Largest difference [m; -] from yourdfpy at which the file is written.
-EXACT = 1e-9
 #: Largest cosine of perpendicular axes, and largest deviation from 1 of parallel ones.
 ALIGNED = 1e-6
 CHANGE = "; change --azimuth, --throwing, --posture-deg, --tool or --approach"
@@ -50,13 +46,12 @@ CHANGE = "; change --azimuth, --throwing, --posture-deg, --tool or --approach"
 class Choices:
     """Properties that a URDF does not have; None or empty: derived from the chain.
 
-    azimuth, throwing: joint names; posture [rad]: a value per joint. tcp [m]: from the tool
+    throwing: joint names; posture [rad]: a value per joint. tcp [m]: from the tool
     link to the pads' centre along the approach direction; palm [m]: back, front and half
     width, as in `Tool`, None for a hand without a body.
     """
 
     name: str
-    azimuth: str | None = None
     throwing: tuple[str, ...] = ()
     posture: tuple[float, ...] = ()
     tcp: float = 0.0
@@ -79,7 +74,11 @@ def limits_of(chain: UrdfChain, given: Mapping[str, Given]) -> JointLimits:
         if lacking:
             every = len(lacking) == len(values)
             missing.append(f"{option} ({name} of {'all joints' if every else ', '.join(lacking)})")
-            proposed = [PROPOSED[name] if v is None else "-" for v in values]
+            unit = math.radians(1.0) if name.startswith("position") else 1.0
+            said = ["-" if value is None else f"{value / unit:.15g}" for value in more]
+            proposed = [
+                PROPOSED[name] if v is None else word for v, word in zip(values, said, strict=True)
+            ]
             proposals[option] = proposed[:1] if every else proposed
         limits[name] = tuple(v for v in values if v is not None)
     if missing:
@@ -107,7 +106,7 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
     behind = max(choices.tcp, 0.1)
     palm = choices.palm or (behind, behind, 0.0)
     tool = Tool(0.0, 0.0, choices.tcp, *palm, xyz=mount.xyz, rpy=mount.rpy)
-    azimuth = 1 if choices.azimuth is None else _number(chain, "--azimuth", choices.azimuth)
+    azimuth = _number(chain, "--azimuth", chain.azimuth)
     bare = chain.flange == chain.tool and not choices.tcp and choices.palm is None
     draft = Arm(
         name=choices.name,
@@ -124,15 +123,15 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
         hand_links=chain.hand_links,
     )
     throwing = draft.throwing_joints
-    if azimuth in throwing or len(set(throwing)) < len(throwing):
-        raise InputError("--throwing: must name joints once each, and not the azimuth joint")
+    if len(set(throwing)) < len(throwing) or min(throwing, default=azimuth + 1) <= azimuth:
+        raise InputError(
+            f"--throwing: must name joints once each, behind '{chain.azimuth}' that turns the plane"
+        )
     _check_base(draft, chain)
     if throwing:
         _check_posture(draft, chain)
     quarters = () if choices.posture else (math.pi, math.pi / 2, -math.pi / 2)
     arm = _find_planar_posture(draft, quarters)
-    if not choices.posture:
-        arm = dataclasses.replace(arm, posture=_pads_in_plane(arm))
     _check_posture(arm, chain)
     try:
         PlanarArm(arm)
@@ -157,12 +156,6 @@ def weak_joints(arm: Arm) -> dict[str, tuple[float, float]]:
     needed = np.abs(SpatialArm(arm).torques(q, still, still, GRAVITY, nothing)).max(axis=0)
     rows = zip(arm.joint_names, needed.tolist(), arm.limits.torque, strict=True)
     return {name: (torque, limit) for name, torque, limit in rows if torque > limit}
-
-
-def arm_file(arm: Arm, remarks: Sequence[str], place: str) -> tuple[str, Arm]:
-    """The arm's data file as text, and the arm that is read back from it."""
-    text = arm_text(arm, remarks)
-    return text, arm_from(toml_tables(text, place))
 
 
 def kinematics_difference(arm: Arm, chain: UrdfChain) -> float:
@@ -224,9 +217,10 @@ def _check_base(arm: Arm, chain: UrdfChain) -> None:
 def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
     """The arm with the posture in which the most joints throw in one vertical plane.
 
-    ways [rad]: what joints that do not throw may keep, besides the posture's own angle; the least
-    turns first. The azimuth joint's angle turns the plane along x. InputError where the hand is in
-    no such plane.
+    Postures in which the pads close across the plane come first. ways [rad]: what joints that do
+    not throw may keep, besides the posture's own angle; the least turns first; none: the posture is
+    given. The azimuth joint's angle turns the plane along x. InputError where the hand is in no
+    such plane.
     """
     q = ca.SX.sym("q", arm.joints)
     function = ca.Function("axes", [q], [ca.horzcat(*(pose[:3, 2] for pose in arm.frames(q)))])
@@ -240,7 +234,8 @@ def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
         joint, posture, throwing, normal = todo.pop()
         axes = np.array(function(posture)).T
         if joint > arm.joints:
-            if normal is not None and abs(axes[-1] @ normal) < ALIGNED:
+            enough = len(throwing) >= len(arm.throwing_joints)
+            if enough and normal is not None and abs(axes[-1] @ normal) < ALIGNED:
                 turned = np.abs(
                     np.delete(posture, [arm.azimuth_joint - 1, *np.array(throwing) - 1])
                 )
@@ -251,14 +246,14 @@ def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
             if normal is not None:
                 misses.append((arm.joints + 1, *_tilt(arm, axes, normal, None)))
             continue
-        axis, throws = axes[joint - 1], joint in (arm.throwing_joints or (joint,))
+        axis, behind = axes[joint - 1], joint > arm.azimuth_joint
+        throws = behind and joint in (arm.throwing_joints or (joint,))
         level = abs(axis[2]) < ALIGNED if normal is None else abs(axis @ normal) > 1 - ALIGNED
-        if joint == arm.azimuth_joint:
-            todo.append((joint + 1, posture, throwing, normal))
-        elif throws and level:
+        if throws and level:
             todo.append((joint + 1, posture, (*throwing, joint), axis))
-        else:
-            for angle in [*(way for way in ways if not level), posture[joint - 1]]:
+        if not (throws and level) or normal is None:
+            turns = ways if behind and not level else ()
+            for angle in [*turns, posture[joint - 1]]:
                 if angle == posture[joint - 1] or low[joint - 1] <= angle <= high[joint - 1]:
                     other = posture.copy()
                     other[joint - 1] = angle
@@ -268,13 +263,31 @@ def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
             f"arm {arm.name}: its joints do not move the hand in the vertical plane of the azimuth "
             f"joint: {min(misses, default=(0, 0.0, 'no other axis is level'))[2]}{CHANGE}"
         )
-    _, _, posture, throwing, normal = min(postures, key=lambda each: each[:2])
-    turn, at = math.pi / 2 - math.atan2(normal[1], normal[0]), arm.azimuth_joint - 1
-    up = float(np.array(function(posture))[2, at])
+    first: Arm | None = None
+    for _, _, posture, throwing, normal in sorted(postures, key=lambda each: each[:2]):
+        up = float(np.array(function(posture))[2, arm.azimuth_joint - 1])
+        found = _turned_along_x(arm, posture, math.atan2(normal[1], normal[0]), up)
+        found = dataclasses.replace(found, throwing_joints=throwing)
+        if ways:
+            found = dataclasses.replace(found, posture=_pads_in_plane(found))
+        first = first or found
+        if abs(found.placed(found.posture)[-1][1, 1]) > 1 - EXACT:
+            return found
+    assert first is not None
+    return first
+
+
+def _turned_along_x(arm: Arm, posture: Array, normal: float, up: float) -> Arm:
+    """The arm in a posture whose plane, with a normal at an angle [rad], is turned along x.
+
+    up: z of the azimuth joint's axis. The least turn that its limits allow, if any.
+    """
+    turn, at = math.pi / 2 - normal, arm.azimuth_joint - 1
+    low, high = arm.limits.position_min[at], arm.limits.position_max[at]
     angles = [posture[at] + up * (turn + k * math.pi) for k in (0, -1, 1, -2)]
     angles = [0.0 if abs(angle) < 1e-12 else angle for angle in angles]
-    posture[at] = min(angles, key=lambda angle: (not low[at] <= angle <= high[at], abs(angle)))
-    return dataclasses.replace(arm, throwing_joints=throwing, posture=tuple(posture.tolist()))
+    posture[at] = min(angles, key=lambda angle: (not low <= angle <= high, abs(angle)))
+    return dataclasses.replace(arm, posture=tuple(posture.tolist()))
 
 
 def _tilt(arm: Arm, axes: Array, normal: Array | None, joint: int | None) -> tuple[float, str]:

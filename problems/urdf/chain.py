@@ -17,6 +17,10 @@ from ..checks import InputError
 from .holding import hold_joints
 from .reading import frame_of, origin, unit_axis
 
+#: Largest difference [m; -] of kinematics that counts as none.
+EXACT = 1e-9
+#: Most joints of a finger.
+FINGER = 4
 #: The hand points along an axis of the tool link if the cosine to its child links is above this.
 POINTS = 0.8
 #: Names of a hand's links, of links that are likely a hand or a flange, in order of preference, and
@@ -36,12 +40,12 @@ AXES = {
 class MissingOptionError(InputError):
     """Missing options of an arm, each with a value to try.
 
-    proposals: words for the command line by option, one word or one per joint.
+    proposals: to be tried in turn, each words for the command line by option.
     """
 
-    def __init__(self, words: str, proposals: Mapping[str, list[str]]) -> None:
+    def __init__(self, words: str, *proposals: Mapping[str, list[str]]) -> None:
         super().__init__(words)
-        self.proposals = dict(proposals)
+        self.proposals = proposals
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,8 @@ class UrdfChain:
 
     path: all of yourdfpy's joints from the first chosen one to the tool link; joints: the chosen
     ones of them. begin (4, 4): the first one's parent link in the base frame, which is that of the
-    link `base`, moved by origin (3,) [m] onto the axis of the joint that turns the throw's plane.
+    link `base`, moved by origin (3,) [m] onto the axis of the joint `azimuth`, which turns the
+    throw's plane.
     held: positions [rad or m] of all other joints that could move, by name; `robot` counts them
     from there, so that they are at 0.
     turns (4, 4) each: how an arm's joint frame, whose z is the joint's axis, lies in the
@@ -63,6 +68,7 @@ class UrdfChain:
     joints: tuple[Any, ...]
     base: str
     tool: str
+    azimuth: str
     begin: Array
     origin: Array
     held: Mapping[str, float]
@@ -173,8 +179,8 @@ def chain_of(
     link; None for the last that hangs on the last joint without a branch. base: the link whose
     frame is the arm's base, None for the root. approach, closing: axes of the tool link (`AXES`)
     along which the hand points and its pads close; None: z, and y or z, where nothing speaks
-    against it. azimuth: the joint that turns the throw's plane, None for the first. hold: positions
-    [rad or m] of joints that are not chosen, see `hold_joints`.
+    against it. azimuth: the joint that turns the throw's plane, None for the first that is upright.
+    hold: positions [rad or m] of joints that are not chosen, see `hold_joints`.
     """
     if tool is not None:
         _link(robot, "--tool", tool)
@@ -199,7 +205,9 @@ def chain_of(
         if joint.mimic is not None and joint.mimic.joint in names:
             raise InputError(f"joint '{joint.name}' mimics '{joint.mimic.joint}': not supported")
     robot.update_cfg(dict.fromkeys(robot.actuated_joint_names, 0.0))
-    begin, turning = robot.get_transform(chosen[0].parent, base).copy(), names[0]
+    begin = robot.get_transform(chosen[0].parent, base).copy()
+    upright = (joint.name for joint in chosen if _is_upright(robot, joint, base))
+    turning = next(upright, names[0])
     if azimuth is not None:
         turning = joint_named(names, "--azimuth", azimuth)
     x, y = np.round(robot.get_transform(robot.joint_map[turning].child, base)[:2, 3], 12) + 0.0
@@ -209,7 +217,14 @@ def chain_of(
         approach = _approach(robot, path, tool)
     hand = _hand_turn(approach, closing or _closing(robot, tool, approach))
     turns = tuple(_axis_turn(joint) for joint in chosen)
-    return UrdfChain(robot, tuple(path), tuple(chosen), base, tool, begin, place, held, turns, hand)
+    ends = base, tool, turning, begin, place
+    return UrdfChain(robot, tuple(path), tuple(chosen), *ends, held, turns, hand)
+
+
+def _is_upright(robot: Any, joint: Any, base: str) -> bool:
+    """Whether a joint turns about the z axis of the base link's frame, as the joints stand."""
+    axis = robot.get_transform(joint.child, base)[:3, :3] @ unit_axis(joint)
+    return float(np.abs(axis[:2]).max()) < EXACT
 
 
 def _turn(x: Array, y: Array, z: Array) -> Array:
@@ -255,7 +270,7 @@ def _named(robot: Any, names: Sequence[str], tool: str | None) -> list[str]:
             raise InputError("--tool: no link of this file is moved by two joints or more")
         raise MissingOptionError(
             f"--tool is missing: the link of the hand, one of {', '.join(hands)}",
-            {"--tool": hands[:1]},
+            *({"--tool": [hand]} for hand in hands),
         )
     turning = _turning(robot, tool)
     return [
@@ -271,15 +286,45 @@ def _turning(robot: Any, link: str) -> list[str]:
 
 
 def _hands(robot: Any) -> list[str]:
-    """Links that may be a hand: at least two joints turn it, and at most one is below it.
+    """Links that may be a hand, by `_rank`; of equal ones the last in the file first.
 
-    By `_rank`; of equal ones the last in the file first.
+    At least two joints turn a hand. It moves nothing but fingers, or at most one joint.
     """
-    joints_to = {str(link): _turning(robot, link) for link in robot.link_map}
-    inner = {joint for names in joints_to.values() for joint in names[:-2]}
-    hands = [link for link, names in joints_to.items() if len(names) > 1 and names[-1] not in inner]
-    hands.reverse()
-    return sorted(hands, key=_rank)
+    moving = [joint for joint in robot.robot.joints if joint.type != "fixed"]
+    bodies = {str(link): _body(robot, str(link)) for link in robot.link_map}
+
+    def moved_by(body: str) -> list[Any]:
+        return [joint for joint in moving if bodies[joint.parent] == body]
+
+    def depth(body: str) -> int:
+        return max((1 + depth(joint.child) for joint in moved_by(body)), default=0)
+
+    hands, fingers = set[str](), set[str]()
+    for body in {*bodies.values()}:
+        turning, below = len(_turning(robot, body)), moved_by(body)
+        if turning < 2:
+            continue
+        slide = any(joint.type == "prismatic" or joint.mimic is not None for joint in below)
+        if (len(below) > 1 and depth(body) <= min(FINGER, turning - 1)) or slide:
+            fingers |= {joint.child for joint in below}
+        elif depth(body) > 1:
+            continue
+        hands.add(body)
+
+    def is_finger(link: str) -> bool:
+        return any(joint.child in fingers for joint in _path(robot, link))
+
+    last_first = list(bodies.items())[::-1]
+    found = [link for link, body in last_first if body in hands and not is_finger(body)]
+    return sorted(found, key=_rank)
+
+
+def _body(robot: Any, link: str) -> str:
+    """The link that a joint moves and that `link` is fixed to."""
+    path = _path(robot, link)
+    while path and path[-1].type == "fixed":
+        link = str(path.pop().parent)
+    return link
 
 
 def _rank(link: str) -> int:

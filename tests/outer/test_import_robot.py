@@ -361,7 +361,7 @@ REFUSED = {
     "closing": (JOINTS, ["--closing", "x", "--approach=-x"], None, "must not be the axis"),
     "azimuth": (JOINTS, ["--azimuth", "lift"], None, "'lift' does not turn about the z axis"),
     "azimuth unknown": (JOINTS, ["--azimuth", "roll"], None, "no joint 'roll' among"),
-    "throwing": (JOINTS, ["--throwing", "turn"], None, "not the azimuth joint"),
+    "throwing": (JOINTS, ["--throwing", "turn"], None, "behind 'turn' that turns the plane"),
     "posture length": (JOINTS, ["--posture-deg", "1"], None, "must be 4 values"),
     "posture": (ROLL, ["--posture-deg", *"000", "170", "0", "--throwing", "lift"], None,
                 r"--posture-deg: 170 for 'roll': must be in \[-114.592, 126.051\]"),
@@ -435,7 +435,7 @@ def test_joints_by_number_or_all_on_the_way_to_the_tool(tmp_path, odd_file, odd,
     assert main([str(word) for word in ("import-robot", odd_file, *words, *hand)]) == 0
     assert 'joint_names = ["turn", "lift", "bend", "roll", "flick"]' in out.read_text()
     said = refused("import-robot", odd_file, *words, lines=4)
-    assert "one of hand, pad-1, pad1, after_flick" in said
+    assert "one of hand, after_flick" in said
     line = refused("import-robot", odd_file, *words, "--tool", "hand", "--joints", "1", "6")
     assert "--joints: no joint '6'" in line
 
@@ -457,6 +457,90 @@ def test_all_that_is_missing_comes_at_once_with_a_command_line_that_works(
     assert "limits are missing" in said
     words = shlex.split(said.splitlines()[-1].partition("with values to try: ")[2])
     assert words[0] == "throwplan" and run("", *words[1:]).status == 0 and out.exists()
+
+
+def chain_urdf(joints: dict[str, tuple[str, str]], hand: str) -> str:
+    """An arm of joints, by name, each with its axis and place in the link before; then XML."""
+    text = '<robot name="arm"><link name="l0"/>'
+    for i, (name, (axis, at)) in enumerate(joints.items()):
+        text += f'<link name="l{i + 1}"/>' + joint_xml(name, f"l{i}", f"l{i + 1}", at, axis)
+    return f"{text}{hand}</robot>"
+
+
+def joint_xml(name, parent, child, at, axis="", kind="revolute", rest="") -> str:  # type: ignore[no-untyped-def]
+    limit = '<limit lower="-1.5" upper="1.5" effort="40" velocity="4"/>'
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{at}"/>'
+        + (f'<axis xyz="{axis}"/>{limit}{rest}' if axis else "")
+        + "</joint>"
+    )
+
+
+UP, X, Y = "0 0 1", "1 0 0", "0 1 0"
+ROLLING = {"j1": UP, "j2": X, "j3": UP, "j4": Y, "j5": UP, "j6": X, "j7": Y}
+HAND = '<link name="ee"/>' + joint_xml("e", "l4", "ee", "0 0 0.16", kind="fixed")
+LIFTING = {name: (axis, "0 0 0.2") for name, axis in zip("abcd", (UP, Y, Y, Y), strict=True)}
+FINGERS = [
+    # Two fingers of two joints; two that slide, one as the other; a screw that a slide carries.
+    "".join(
+        f'<link name="f{k}"/><link name="tip{k}"/>'
+        + joint_xml(f"f{k}", "l4", f"f{k}", f"0 {k} 0.1", Y)
+        + joint_xml(f"tip{k}", f"f{k}", f"tip{k}", "0.04 0 0", Y)
+        for k in (-0.02, 0.02)
+    ),
+    '<link name="f1"/><link name="f2"/>'
+    + joint_xml("f1", "l4", "f1", "0 0.02 0.1", Y, "prismatic")
+    + joint_xml("f2", "l4", "f2", "0 -0.02 0.1", Y, "prismatic", '<mimic joint="f1"/>'),
+    '<link name="slide"/><link name="gripper_screw"/>'
+    + joint_xml("slide", "l4", "slide", "0 0 0.1", Y, "prismatic")
+    + joint_xml("screw", "slide", "gripper_screw", "0 0 0.02", Y),
+]
+
+
+@pytest.mark.parametrize("fingers", range(len(FINGERS)))
+def test_the_proposed_hand_is_no_finger_and_no_part_of_a_gripper(
+    fingers, tmp_path, refused, run
+) -> None:
+    urdf, out = tmp_path / "arm.urdf", tmp_path / "arm.toml"
+    urdf.write_text(chain_urdf(LIFTING, HAND + FINGERS[fingers]))
+    said = refused("import-robot", urdf, "--out", out, lines=3)
+    assert "one of ee, l4\n" in said
+    assert run("", *shlex.split(said.partition("to try: throwplan ")[2])).status == 0
+    assert 'hand = "ee"' in out.read_text()
+
+
+def test_joints_that_throw_are_those_with_the_pads_across_the_plane(tmp_path, run) -> None:
+    """j2 and j6 throw as many as j4 and j7, with fingers that close in their plane."""
+    places = dict(zip(ROLLING, (0.1, 0.1, 0.1, 0.15, 0.1, 0.12, 0.0), strict=True))
+    chain = {name: (axis, f"0 0 {places[name]}") for name, axis in ROLLING.items()}
+    hand = '<link name="hand"/>' + joint_xml("h", "l7", "hand", "0 0 0.12", kind="fixed")
+    (tmp_path / "arm.urdf").write_text(chain_urdf(chain, hand))
+    arm = imported(
+        tmp_path, tmp_path / "arm.urdf", [*ROLLING], "--tool", "hand", "--acceleration", "10",
+        "--jerk", "1000",
+    )  # fmt: skip
+    assert arm.throwing_joints == (4, 7)
+    # The scene of the arm is taken.
+    tp.Planner(tp.load_scene(tmp_path / "scene.toml").changed(workspace=None))
+
+
+def test_an_arm_that_no_scene_takes_is_refused_and_not_written(tmp_path, refused) -> None:
+    urdf, out = tmp_path / "arm.urdf", tmp_path / "arm.toml"
+    urdf.write_text(chain_urdf(LIFTING, HAND))
+    words = ["--tool", "ee", "--closing", "x", "--acceleration", "10", "--jerk", "1000"]
+    assert "pads 90.0 deg askew" in refused("import-robot", urdf, *words, "--out", out)
+
+
+def test_a_proposal_that_fails_gives_way_to_the_next(tmp_path, refused, run) -> None:
+    """The link that a name makes the likeliest hand points out of every plane."""
+    aside = '<link name="tool"/><joint name="t" type="fixed"><parent link="l4"/>'
+    aside += '<child link="tool"/><origin xyz="0 0 0.1" rpy="0.3 0.4 0.5"/></joint>'
+    urdf, out = tmp_path / "arm.urdf", tmp_path / "arm.toml"
+    urdf.write_text(chain_urdf(LIFTING, HAND + aside))
+    said = refused("import-robot", urdf, "--out", out, "--velocity", "1", *"---", lines=3)
+    assert "one of tool, ee, l4" in said and "--tool ee" in said.splitlines()[-1]
+    assert run("", *shlex.split(said.partition("to try: throwplan ")[2])).status == 0
 
 
 def test_all_missing_limits_are_named_in_one_line(tmp_path, odd_file, refused) -> None:

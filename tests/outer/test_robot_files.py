@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -65,21 +66,30 @@ def test_an_axis_a_little_off_the_others_is_named(tmp_path, refused) -> None:
 # Torques.
 
 
-def test_limits_that_do_not_hold_the_arm_are_said_and_refused_in_a_scene(
+def test_limits_that_do_not_hold_the_arm_are_refused_by_import_and_scene(
     tmp_path, run, refused
 ) -> None:
-    file = tmp_path / "odd.urdf"
+    file, out = tmp_path / "odd.urdf", tmp_path / "other.toml"
     file.write_text(planar_urdf())
-    words = [file, *CHAIN, "--torque", "150", "--out", tmp_path / "strong.toml"]
-    strong = run("import-robot", *words)
+    words = [file, *CHAIN, "--force", "--out", out]
+    strong = run("import-robot", *words, "--torque", "150")
     assert strong.status == 0 and "at rest" not in strong.out
-    weak_torques = ["--torque", "150", "1", "150", "150"]
-    arm = imported(tmp_path, file, JOINTS, *ODD_OPTIONS, *weak_torques)
-    words = [file, *CHAIN, *weak_torques, "--out", tmp_path / "weak.toml"]
-    weak = run("import-robot", *words, "--json").json["weak"]
-    assert list(weak) == ["lift"] and weak["lift"][1] == 1.0
-    said = run("import-robot", *words, "--force")
-    assert f"do not hold the arm at rest in all poses: lift needs {weak['lift'][0]:.3g}" in said.out
+    # Enough in most poses, not in all.
+    weak = run("import-robot", *words, "--torque", "150", "90", "150", "150", "--json").json["weak"]
+    assert list(weak) == ["lift"] and weak["lift"][1] == 90.0
+    torque = ["--torque", "150", "1", "150", "150"]
+    need = f"lift needs {weak['lift'][0]:.3g} N m, has 1"
+    assert need in refused("import-robot", *words, *torque)
+    # The file's own are taken for placeholders: a line proposes others.
+    file.write_text(planar_urdf().replace('effort="40"', 'effort="1"'))
+    said = refused("import-robot", *words, lines=2)
+    assert "--torque is missing" in said
+    assert run("", *shlex.split(said.partition("to try: throwplan ")[2])).status == 0
+    file.write_text(planar_urdf())
+    arm = imported(tmp_path, file, JOINTS, *ODD_OPTIONS, "--torque", "150")
+    text = (tmp_path / "arm.toml").read_text()
+    weak_text = re.sub(r"(?m)^torque = \[.*?\]", "torque = [150.0, 1.0, 150.0, 150.0]", text)
+    (tmp_path / "arm.toml").write_text(weak_text)
     scene = tmp_path / "scene.toml"
     line = refused("plan", scene)
     assert "joint 2 needs up to" in line and "its limit is 1 N m" in line
