@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
+from throwplan.planner.show import own_style
 from throwplan.problems.files import filling
 
 from . import models, parts, planner, reach, rest, robust, stability, summary, swings
@@ -36,6 +37,7 @@ LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig")
 Show = Callable[[str], Callable[[int, int], None]]
 
 
+@own_style()
 def make_report(
     folder: Path, only: Sequence[str] = (), quick: bool = False, show: Show | None = None
 ) -> list[ReportSection]:

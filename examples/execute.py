@@ -37,9 +37,8 @@ def notebook(name: str) -> nbformat.NotebookNode:
 def executed(name: str) -> nbformat.NotebookNode:
     """The same, run from top to bottom; nbclient's CellExecutionError if a cell fails."""
     made = notebook(name)
-    where = {"metadata": {"path": str(FOLDER)}}
     client = nbclient.NotebookClient(
-        made, timeout=LONGEST, kernel_name="python3", record_timing=False, resources=where
+        made, timeout=LONGEST, kernel_name="python3", record_timing=False
     )
     client.execute()
     made.metadata["language_info"] = nbformat.from_dict({"name": "python"})

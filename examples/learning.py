@@ -33,7 +33,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import throwplan as tp
 
-plt.style.use("notebook.mplstyle")
+plt.rc("figure", dpi=85)
+plt.rc("figure.constrained_layout", use=True)
+plt.rc("axes", grid=True, titlelocation="left", titlesize=11)
+plt.rc("axes.spines", top=False, right=False)
+plt.rc("grid", alpha=0.25)
+plt.rc("legend", fontsize=9)
 RED, GREEN, BLUE, GREY = "#d1495b", "#2a9d6f", "#4c78a8", "#8a8f98"
 
 # %% [markdown]

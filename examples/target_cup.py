@@ -32,7 +32,12 @@ import numpy as np
 import throwplan as tp
 from IPython.display import Image, display
 
-plt.style.use("notebook.mplstyle")
+plt.rc("figure", dpi=85)
+plt.rc("figure.constrained_layout", use=True)
+plt.rc("axes", grid=True, titlelocation="left", titlesize=11)
+plt.rc("axes.spines", top=False, right=False)
+plt.rc("grid", alpha=0.25)
+plt.rc("legend", fontsize=9)
 
 # %% [markdown]
 """

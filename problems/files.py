@@ -40,6 +40,8 @@ COLUMNS = {
     for column in columns
 }
 COLUMNS |= dict.fromkeys(("t", "command", "since_command"), (1e10, "s")) | {"gripper": (1.0, "")}
+#: A number with a decimal comma.
+DECIMAL_COMMA = re.compile(r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$")
 
 #: What an unknown name of a shipped file is, by its folder.
 UNKNOWN = {
@@ -138,11 +140,19 @@ def _toml_hint(text: str, reason: str) -> str:
 
 
 def csv_lines(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The first line's cells, and the number and cells of the others that are not empty."""
+    """The first line's cells, and the number and cells of the others that are not empty.
+
+    Cells are parted by commas, semicolons or tabs; the first line says by which. Beside semicolons
+    and tabs a number may have a decimal comma.
+    """
+    text = read_text(path).splitlines()
+    separator = max(",;\t", key=text[0].count) if text else ","
     try:
-        lines = list(csv.reader(read_text(path).splitlines())) or [[]]
+        lines = list(csv.reader(text, delimiter=separator)) or [[]]
     except csv.Error as error:
         raise InputError(f"{path}: {error}") from None
+    if separator != ",":
+        lines = [[DECIMAL_COMMA.sub(r"\1.\2", cell.strip()) for cell in line] for line in lines]
     rows = [(number, line) for number, line in enumerate(lines[1:], start=2) if line]
     for number, line in rows:
         if any(line[len(lines[0]) :]):  # decimal commas, for example

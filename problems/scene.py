@@ -237,10 +237,23 @@ class Scene(Section):
 
     @check_arguments
     def fits(self, other: Scene) -> bool:
-        """Whether another scene differs at most in its target, and in where the cup stands."""
-        mine, others = (scene.changed(target=None, cup=None) for scene in (self, other))
+        """Whether another scene differs at most in its target, in the cup's place, in names and in
+        places of files."""
+        mine, others = (scene.unnamed.changed(target=None, cup=None) for scene in (self, other))
         cups = [scene.cup and scene.cup.changed(x=0.0, rim=0.0) for scene in (self, other)]
         return mine == others and cups[0] == cups[1]
+
+    @property
+    def unnamed(self) -> Scene:
+        """The scene without names and places of files, whose data it has: they change no throw."""
+        return self.changed(
+            name="",
+            description="",
+            file="",
+            object=self.object.changed(mesh=None),
+            gripper=self.gripper.changed(file=None, table=None),
+            robot=self.robot and self.robot.changed(arm=""),
+        )
 
     def without_clearances(self) -> Scene:
         """The scene with all clearances zero: clearances are reserves of a plan."""

@@ -327,7 +327,7 @@ def sweep_arguments(add: Add) -> None:
 def _saved_plan(options: argparse.Namespace) -> Plan | None:
     """The plan of a folder or plan.json in place of a scene, without options of planning."""
     path = Path(options.scene)
-    if not (path.is_dir() or path.name == "plan.json"):
+    if options.scene in scene_names() or not (path.is_dir() or path.name == "plan.json"):
         return None
     for name in ("target", "azimuth", "velocity", "arrival", "robust", "patience"):
         if getattr(options, name) is not None:

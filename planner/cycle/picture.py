@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..show import BLACK, BLUE, GREEN, GREY, ORANGE, TEAL, new_figure, save
+from ..show import BLACK, BLUE, GREEN, GREY, ORANGE, TEAL, new_figure, own_style, save
 from ..throw import TICK
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 COLOURS = {"grasp": TEAL, "swing": BLUE, "release": ORANGE, "flight": GREEN, "on to the next": GREY}
 
 
+@own_style()
 def draw_cycle(cycle: Cycle, path: Path) -> None:
     """Draw a solved cycle: timeline above, floor plan below."""
     figure = new_figure(9.5, 5.0 + 0.3 * len(cycle.steps), f"{cycle.name}: {cycle.message}")

@@ -15,7 +15,7 @@ from ...problems import Calibration, InputError, Scene, check_arguments, checked
 from ...problems.files import filling, write_json
 from ...problems.scene_files import as_scene
 from ...problems.throws import ThrowData, load_throws
-from ..show import BLUE, GREEN, GREY, RED, new_figure, save
+from ..show import BLUE, GREEN, GREY, RED, new_figure, own_style, save
 from ..verdict import region_words
 from ..workers import Progress
 from .belief import applied, contact_text
@@ -52,9 +52,9 @@ class Calibrated:
     scene: Scene
 
     @check_arguments
-    def apply(self, scene: Scene) -> Scene:
+    def apply(self, scene: Scene | str | Path) -> Scene:
         """A scene with this [calibration], and the contact fitted to the throws if it was."""
-        fit = self.residuals.fit
+        scene, fit = as_scene(scene), self.residuals.fit
         return (scene if fit is None else applied(fit, scene)).replace(calibration=self.section)
 
     @property
@@ -212,6 +212,7 @@ def _mean_error(residuals: Array, level: float) -> Array:
     return np.asarray(quantile * residuals.std(axis=0, ddof=1) / math.sqrt(count))
 
 
+@own_style()
 def _picture(found: Calibrated) -> Figure:
     """Residuals, their mean with its interval, and the region about it."""
     known = found.section

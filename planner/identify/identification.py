@@ -13,8 +13,9 @@ import numpy as np
 from ...models.release import MODELS, STEPPED_SURFACE
 from ...problems import InputError, Scene, check_arguments
 from ...problems.files import filling, write_json
+from ...problems.scene_files import as_scene, load_scene
 from ...problems.throws import ThrowData
-from ..show import BLUE, GREEN, GREY, new_figure, save
+from ..show import BLUE, GREEN, GREY, new_figure, own_style, save
 from ..workers import Progress
 from .belief import Belief, applied, contact_text, prior_of
 from .cutoff import CutoffEffect, fit_at_cutoff
@@ -56,9 +57,9 @@ class Identified:
     seconds: float
 
     @check_arguments
-    def apply(self, scene: Scene) -> Scene:
+    def apply(self, scene: Scene | str | Path) -> Scene:
         """The scene with the posterior as its contact and uncertainty."""
-        return applied(self.posterior, scene)
+        return applied(self.posterior, as_scene(scene))
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON: SI units, radians; deviations of logarithms are relative."""
@@ -129,7 +130,7 @@ def identify(
     data: ThrowData,
     model: str = "",
     *,
-    prior: Belief | Scene | None = None,
+    prior: Belief | Scene | str | Path | None = None,
     delay: bool = False,
     grip_scale: bool = False,
     about: Callable[[str], Progress] | None = None,
@@ -142,6 +143,8 @@ def identify(
     about(words) gives the progress of a part. InputError for an unknown model, and if the throws
     cannot tell the unknowns.
     """
+    if isinstance(prior, str | Path):
+        prior = load_scene(prior)
     if not model:
         model = prior.tolerance.model if isinstance(prior, Scene) else STEPPED_SURFACE
     _check_fit(data, model)
@@ -228,6 +231,7 @@ def save_identified(found: list[Identified], folder: Path) -> None:
         write_json(scratch / "identify.json", [one.to_dict() for one in found])
 
 
+@own_style()
 def _contact_picture(found: Identified) -> Figure:
     """Prior and fit with 95 % regions over mu and r_p, and the truth of a synthetic data set."""
     fit, truth = found.posterior, found.data.truth

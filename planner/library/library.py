@@ -216,11 +216,8 @@ def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     if cache is None:
         return None
     anywhere = Pose(1.0, scene.aim.z, theta=None if scene.aim.theta is None else 0.0)
-    like = scene.aimed_at(anywhere).changed(
-        name="", description="", file="", cost=None, choice=None, robust=None, obstacle=()
-    )
-    if like.object.mesh is not None:
-        like = like.changed(object=like.object.changed(mesh=None))
+    like = scene.aimed_at(anywhere).unnamed
+    like = like.changed(cost=None, choice=None, robust=None, obstacle=())
     if like.cup is not None:
         # A cup that was moved and moved back may differ in the last digit.
         like = like.changed(cup=like.cup.changed(x=round(like.cup.x, 9)))

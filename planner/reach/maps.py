@@ -18,7 +18,7 @@ import numpy.typing as npt
 from ...models import Array, ReadOnly
 from ...problems import InputError, Scene, check_arguments
 from ...problems.files import filling
-from ..show import BLACK, BLUE, RED, TEAL, new_figure, save
+from ..show import BLACK, BLUE, RED, TEAL, new_figure, own_style, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -234,6 +234,7 @@ def _title(found: ReachMap) -> str:
     )
 
 
+@own_style()
 def _draw_plane(found: ReachMap, theta: Array, path: Path) -> None:
     """The best free share per bin, contours of the number of throws, and the target."""
     from matplotlib.ticker import MultipleLocator
@@ -315,6 +316,7 @@ def _mark_target(axes: Axes, found: ReachMap, theta: Array) -> None:
         axes.plot([x] * len(others), others, "o", ms=8, mew=1.6, mfc="none", mec=RED, label=words)
 
 
+@own_style()
 def _draw_line(found: ReachMap, path: Path) -> None:
     """Margin and number of throws over x."""
     figure = new_figure(9.5, 5.4, _title(found))

@@ -195,38 +195,24 @@ class Plan:
         draw: "png" draws throw.png alone, False neither. Returns the plan with the time of
         drawing. Raises InputError, and leaves the folder as it was, if it cannot be written.
         """
-        plan, failure = self, ""
+        plan = self
         with filling(Path(folder), FILES) as scratch:
             if self.solved:
                 throw = sent_throw(self)
                 write_motion(throw, scratch / "motion.csv")
                 if draw:
                     start = time.perf_counter()
-                    failure = self._draw_files(throw, scratch, draw)
+                    show.draw_throw(
+                        throw, scratch / "throw.png", load_curve(throw) if self.robust else None
+                    )
+                    if draw != "png":
+                        show.draw_throw_moving(throw, scratch / "throw.gif")
                     seconds = {"draw": time.perf_counter() - start}
                     plan = replace(self, time=self.time | seconds)
             thrown = None if self.throw is None else self.throw.deciding
             aimed = self.scene.aimed_at(self.target)
             write_json(scratch / "plan.json", entries_of(plan.to_dict(), thrown, aimed))
-        if failure:
-            raise InputError(
-                f"--out {folder}: the plan is written, its pictures are not: {failure}"
-            )
         return plan
-
-    def _draw_files(self, throw: Throw, folder: Path, draw: Draw) -> str:
-        """Draw throw.png, and unless draw is "png" throw.gif; returns why it failed, or nothing."""
-        load = load_curve(throw) if self.robust else None
-        try:
-            show.draw_throw(throw, folder / "throw.png", load)
-            if draw != "png":
-                show.draw_throw_moving(throw, folder / "throw.gif")
-        except OSError:
-            # A full disk: what the folder has, earlier pictures too, stays as it is.
-            raise
-        except Exception as error:  # A user's settings make Matplotlib raise anything.
-            return " ".join(str(error).split()) or type(error).__name__
-        return ""
 
     @check_arguments
     def draw(self, file: str | Path | None = None) -> Figure:

@@ -32,6 +32,7 @@ from ..show import (
     draw_cup,
     new_figure,
     open_browser,
+    own_style,
     run_panel,
     save,
     serving,
@@ -298,6 +299,7 @@ def landing_of(free: SimulatedFlight, height: float) -> tuple[tuple[float, float
     return (float(at), height, float(angle)), float(instant)
 
 
+@own_style()
 def _draw(replay: Replay, path: Path) -> None:
     """The path of CoM and bar from the opening to the end, at true scale, and where models land."""
     scene, throw = replay.throw.scene, replay.throw

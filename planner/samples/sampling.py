@@ -27,9 +27,8 @@ from .run_ups import clears_carried, clears_thrown, run_up
 
 #: Version of stored tables; raise it after a change of how releases are drawn or thrown.
 FORMAT = 1
-#: Parts of a scene that releases do not depend on: its words, what chooses among throws, where they
+#: Parts of a scene that releases do not depend on: what chooses among throws, where they
 #: land. Of [mesh] they depend on `carry_max` alone.
-WORDS = {"name", "description", "file"}
 CHOICE = {"cost", "choice", "torque", "uncertainty", "robust", "mesh"}
 LANDING = {"target", "tolerance", "cup", "landing", "obstacle", "rest", "calibration"}
 #: Bins of landings on each axis.
@@ -246,7 +245,7 @@ def stored_releases(scene: Scene, count: int, seed: int, draw: Callable[[], Rele
     if folder is None:
         return draw()
     parts = f"releases {FORMAT}", repr((scene.mesh.carry_max, count, seed))
-    name = f"{digest_of(scene, WORDS | CHOICE | LANDING, *parts)}.npz"
+    name = f"{digest_of(scene.unnamed, CHOICE | LANDING, *parts)}.npz"
     found = _read(folder / name)
     if found is None:
         found = draw()

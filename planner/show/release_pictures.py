@@ -15,7 +15,7 @@ from ...models.release import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
 from ..simulation import Simulation, given_hand
 from ..throw import case_of
 from .drawings import draw_bars
-from .style import ARM, PHASES, new_figure, save
+from .style import ARM, PHASES, new_figure, own_style, save
 from .throw_picture import hand_corners
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 QUANTITIES = ("v_z of the CoM [m/s]", "ω [rad/s]", "friction f_z [N]", "friction torque [N mm]")
 
 
+@own_style()
 def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> None:
     """The bar as it drops; CoM and friction over time by each model.
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..clearance import held_bar
 from ..throw import Manipulator
 from .drawings import draw_bars, draw_cup
-from .style import ARM, BLACK, BLUE, GREEN, GREY, new_figure, save
+from .style import ARM, BLACK, BLUE, GREEN, GREY, new_figure, own_style, save
 from .throw_picture import ARM_LINE, draw_surroundings, hand_corners, lay_out, name_obstacles
 from .timeline import arm_points
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 ARROW: dict[str, Any] = {"arrowstyle": "<->", "color": BLUE, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}
 
 
+@own_style()
 def draw_scene(
     scene: Scene, manipulator: Manipulator, reach: tuple[float, float] | None, path: Path | None
 ) -> Figure:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import textwrap
+import threading
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from ...problems import InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,6 +36,23 @@ PHASES = {
     "flight": GREEN,
     "landed": PURPLE,
 }
+
+#: Matplotlib's settings belong to the process, so one picture is drawn at a time.
+_DRAWING = threading.RLock()
+
+
+@contextlib.contextmanager
+def own_style() -> Iterator[None]:
+    """Draw by Matplotlib's defaults, whatever a user's matplotlibrc says.
+
+    InputError for one that is no text, with which Matplotlib cannot be imported.
+    """
+    try:
+        from matplotlib import style
+    except UnicodeDecodeError as error:
+        raise InputError(f"matplotlibrc: is no text file: {error}") from None
+    with _DRAWING, style.context("default"):
+        yield
 
 
 def new_figure(width: float, height: float, title: str = "") -> Figure:
@@ -81,6 +101,7 @@ def literal_texts(figure: Figure | None = None) -> Iterator[None]:
         yield
 
 
+@own_style()
 def save(figure: Figure, path: Path) -> None:
     """Write the figure as PNG with literal texts."""
     with literal_texts(figure):

@@ -15,7 +15,18 @@ from ...models import Array, Indices
 from ..clearance import palm_corners
 from ..throw import column_of
 from .drawings import bar_path, cup_profile, draw_bars, draw_cup
-from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, literal_texts, new_figure, save
+from .style import (
+    ARM,
+    BLACK,
+    GREEN,
+    ORANGE,
+    PHASES,
+    RED,
+    literal_texts,
+    new_figure,
+    own_style,
+    save,
+)
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
@@ -43,6 +54,7 @@ ARM_LINE: dict[str, Any] = {"color": ARM, "lw": 5, "ms": 5, "solid_capstyle": "r
 SLOW = 0.2
 
 
+@own_style()
 def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None = None) -> Figure:
     """The throw as one picture: the plane, the release seen from the hand, plots over time.
 
@@ -303,6 +315,7 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
         grip.annotate(name, where, xycoords=("data", "axes fraction"), ha=side, **words)
 
 
+@own_style()
 def draw_throw_moving(throw: Throw, path: Path) -> None:
     """The throw as a GIF at a fifth of its speed, until shortly after its end."""
     from PIL import Image

@@ -66,8 +66,8 @@ def given_hand(scene: Scene) -> HandTrack:
         needed = motion.opening_time + scene.gripper.profile().opening
         if not first <= motion.opening_time or needed > last + 1e-9:
             raise InputError(
-                f"{scene.place}: [motion] opening_time = {motion.opening_time:g}: the opening "
-                f"lasts until {needed:g} s, the samples cover {first:g} to {last:g} s"
+                f"{scene.place}: [motion] opening_time = {motion.opening_time:.12g}: the opening "
+                f"lasts until {needed:.12g} s, the samples cover {first:.12g} to {last:.12g} s"
             )
     return track
 
@@ -95,9 +95,9 @@ def recorded_joints(
     """
     kinematics, throwing = PlanarArm(arm), planar_joints(arm, joints)
     if not times[0] <= opening_time < times[-1]:
-        raise ValueError(f"opening_time {opening_time:g} s is outside the recording")
+        raise ValueError(f"opening_time {opening_time:.12g} s is outside the recording")
     # The processing of Liu and Billard, section VI-A.
-    path = Trajectory.through(*low_pass(times, throwing, cutoff)).shifted(opening_time)
+    path = Trajectory.through(*low_pass(times - opening_time, throwing, cutoff))
     return MovedHand(path, hand_motion(kinematics), kinematics.core)
 
 
@@ -210,7 +210,7 @@ class BatchResult(ReadOnly):
 
 @check_arguments
 def simulate_batch(
-    scene: Scene,
+    scene: Scene | str | pathlib.Path,
     model: str = SLIDING_PIVOT,
     *,
     hand: Mapping[str, Any] | None = None,
@@ -220,7 +220,7 @@ def simulate_batch(
     steps: int | None = None,
     executor: Executor | None = None,
 ) -> BatchResult:
-    """N different throws through a release model.
+    """N different throws through a release model, of a scene, built-in name or TOML file.
 
     hand: `pose`, `twist`, `acceleration`, each (N, 3) (constant acceleration from the
     opening's start; the scene's [motion] where absent), or `times` (K,), `poses`
@@ -232,6 +232,7 @@ def simulate_batch(
     executor: spreads chunks over its workers; the result does not depend on it.
     Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
     """
+    scene = as_scene(scene)
     chosen = named_model(model, BATCH_MODELS).with_pressure(scene.contact.points)
     if steps is not None and not 1 <= steps <= MOST_STEPS:
         raise InputError(f"steps = {steps!r}: must be a whole number, 1 to {MOST_STEPS}")

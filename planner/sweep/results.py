@@ -14,7 +14,7 @@ from ...models.release import MODELS
 from ...problems import check_arguments
 from ...problems.files import filling, plain, write_json
 from ..result import PLAIN, Plan
-from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
+from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, own_style, save
 from ..throw import ThrowBatch
 from ..uncertainty import DelayScan, RestCount, Sampler
 from ..verdict import Verdicts
@@ -236,6 +236,7 @@ def _widen(axes: Axes, vertical: bool) -> None:
             getattr(axes, limits)(middle - MIN_SPAN / 2, middle + MIN_SPAN / 2)
 
 
+@own_style()
 def draw_landings(sweep: Sweep, path: Path) -> None:
     """Landing errors, successful or not, coloured by the parameter with the largest share of
     their variance."""
@@ -280,6 +281,7 @@ def draw_landings(sweep: Sweep, path: Path) -> None:
     save(figure, path)
 
 
+@own_style()
 def draw_delay(sweep: Sweep, path: Path) -> None:
     """Landing error over the opening delay: median and band over all other parameters."""
     names, limits = sweep.sampler.names, _delay_limits(sweep)
@@ -338,6 +340,7 @@ def _band(axes: Axes, x: Array, values: Array, others: bool) -> None:
     axes.plot(x, middle, color=BLUE, lw=1.8, label=label)
 
 
+@own_style()
 def draw_tornado(sweep: Sweep, path: Path) -> None:
     """Change of the landing by each parameter alone, from its 5 to its 95 % quantile."""
     poses, names = swings(sweep.batch, sweep.sampler), sweep.sampler.names

@@ -12,7 +12,7 @@ from ...models import Array
 from ...models.release import MODELS
 from ...problems.files import filling, plain
 from ..identify import MISSED
-from ..show import BLACK, GREY, Row, Table, new_figure, save
+from ..show import BLACK, GREY, Row, Table, new_figure, own_style, save
 from .validation import ModelCheck, Validation
 
 if TYPE_CHECKING:
@@ -266,6 +266,7 @@ def _far_off(found: Validation) -> list[str]:
     return [model for model, value in typical.items() if value > 6.0 * min(typical.values())]
 
 
+@own_style()
 def _draw_errors(found: Validation) -> Figure:
     """Predicted less measured landing, a panel per model on common axes (Fig. 17).
 
@@ -302,6 +303,7 @@ def _draw_errors(found: Validation) -> Figure:
     return figure
 
 
+@own_style()
 def _draw_boxes(found: Validation) -> Figure:
     """Absolute errors by quantity and model: quartiles, whiskers of 1.5 IQR, outliers (Fig. 18).
 

@@ -9,6 +9,7 @@ import pathlib
 import subprocess
 import sys
 
+import matplotlib
 import numpy as np
 import pytest
 import throwplan as tp
@@ -62,6 +63,24 @@ def test_only_the_pictures_asked_for_are_drawn(plan, tmp_path) -> None:
     for draw, pictures in (("png", {"throw.png"}), (False, set())):
         plan.save(tmp_path, draw=draw)
         assert set(os.listdir(tmp_path)) == {"plan.json", "motion.csv"} | pictures
+
+
+@pytest.mark.parametrize("name", ["throw.png", "map.png"])
+def test_a_user_s_settings_change_no_picture(plan, name, tmp_path) -> None:
+    draw = {
+        "throw.png": lambda path: draw_throw(plan.throw.deciding, path),
+        "map.png": lambda path: tp.reach_map("hand-box", samples=500).save(path.parent),
+    }[name]
+    drawn = []
+    for folder, settings in (
+        ("plain", {}),
+        ("own", {"text.usetex": True, "lines.linewidth": 9, "savefig.dpi": 30, "axes.grid": True}),
+    ):
+        (tmp_path / folder).mkdir()
+        with matplotlib.rc_context(settings):
+            draw(tmp_path / folder / name)
+        drawn.append((tmp_path / folder / name).read_bytes())
+    assert drawn[0] == drawn[1]
 
 
 def share_of(picture: np.ndarray, colour: str) -> float:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.problems.scene_files import scene_from_table
 
 COPIES = [
     pytest.param(lambda value: pickle.loads(pickle.dumps(value)), id="pickle"),
@@ -86,6 +87,22 @@ def test_plans_of_other_scenes_are_no_warm_plans(solved, pose_planner) -> None:
         slippery.follow(solved)
     moved = solved.scene.replace(target=dataclasses.replace(solved.target, x=0.95))
     assert tp.Planner(moved, library=False).plan(solved.target, warm=solved).solver == "corrector"
+
+
+def test_a_plan_is_of_its_scene_by_whatever_name_and_file(solved, tmp_path) -> None:
+    """A warm plan, and one to follow, also as a file of the scene by another name has it."""
+    (tmp_path / "mine.toml").write_text(tp.scene_text("pose"))
+    renamed = tp.load_scene(tmp_path / "mine.toml").replace(name="mine", description="")
+    planner = tp.Planner(renamed, library=False)
+    assert planner.plan(warm=solved).solver == "corrector"
+    assert planner.follow(solved).throw.landing_time == solved.throw.landing_time
+
+
+@pytest.mark.parametrize("name", ["near-cup", "gen3"])
+def test_a_scene_is_that_of_its_saved_plan(name) -> None:
+    """The arm and the gripper are in the plan's file, whose names and places are not needed."""
+    scene = tp.load_scene(name)
+    assert scene.fits(scene_from_table(scene.table()))
 
 
 # Arrays.

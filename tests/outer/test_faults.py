@@ -201,14 +201,17 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path) -> None:
         assert process.stderr.read() == "" and process.wait(timeout=120) == 0
 
 
-def test_a_broken_matplotlibrc_costs_pictures_only(tmp_path) -> None:
-    (tmp_path / "matplotlibrc").write_bytes(b"font.size: \xff\xfe\n")
+def test_a_user_s_matplotlibrc_breaks_no_picture(tmp_path) -> None:
+    """LaTeX where there is none; a file that is no text is refused."""
+    (tmp_path / "matplotlibrc").write_bytes(b"text.usetex: True\n")
     process = started("plan hand-box --out out", tmp_path)
+    assert process.communicate(timeout=300)[1] == "" and process.returncode == 0
+    assert (tmp_path / "out/throw.png").is_file() and (tmp_path / "out/throw.gif").is_file()
+    (tmp_path / "matplotlibrc").write_bytes(b"font.size: \xff\xfe\n")
+    process = started("simulate drop --out more", tmp_path)
     _, err = process.communicate(timeout=300)
-    assert process.returncode == 2 and err.count("\n") == 1, err
-    assert err.startswith("throwplan: --out out: the plan is written, its pictures are not: ")
-    assert json.loads((tmp_path / "out/plan.json").read_text())["status"] == "solved"
-    assert (tmp_path / "out/motion.csv").is_file()
+    assert process.returncode == 2 and err.startswith("throwplan: matplotlibrc: "), err
+    assert err.count("\n") == 1 and not (tmp_path / "more").exists()
 
 
 def test_an_error_in_the_place_of_a_signal_is_a_signal(tmp_path) -> None:

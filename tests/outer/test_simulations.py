@@ -110,3 +110,32 @@ def test_a_batch_refuses_motions_that_do_not_cover_the_opening() -> None:
     ):
         with pytest.raises(tp.InputError, match=words):
             tp.simulate_batch(scene, hand=hand)
+
+
+@pytest.mark.parametrize("kind", ["seconds from 1970", "semicolons", "tabs"])
+def test_recorded_motions_of_other_clocks_and_spreadsheets(tmp_path, kind) -> None:
+    """The clock may count from 1970; cells may be parted by semicolons, with decimal commas."""
+    separator = {"semicolons": ";", "tabs": "\t"}.get(kind, ",")
+    begin = 1.7e9 if kind == "seconds from 1970" else 0.0
+
+    def detach(name: str, start: float, parted: str) -> list[float]:
+        lines = [
+            parted.join((f"{start + t!r}", f"{0.3 * t**2!r}", "1.0", f"{-1.0 + 4 * t!r}"))
+            for t in (np.arange(0, 121) / 1000).tolist()
+        ]
+        text = "\n".join([parted.join(("t", "x", "z", "theta")), *lines])
+        text = text if parted == "," else text.replace(".", ",")
+        (tmp_path / "motion.csv").write_text(text)
+        head = tp.scene_text("drop").split("[motion]")[0]
+        motion = f'[motion]\ntable = "motion.csv"\nopening_time = {start + 0.05!r}\n'
+        (tmp_path / name).write_text(head + motion)
+        return list(tp.simulate(tmp_path / name, "sp")["sp"].to_dict()["detach"].values())
+
+    expected = detach("plain.toml", 0.0, ",")
+    # A double counts seconds from 1970 to 0.2 us only, which the spline's accelerations show.
+    assert detach("other.toml", begin, separator) == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_batch_takes_a_scene_by_its_name() -> None:
+    named, loaded = (tp.simulate_batch(s) for s in ("drop-2cm", tp.load_scene("drop-2cm")))
+    np.testing.assert_array_equal(named.detach, loaded.detach)

@@ -63,6 +63,12 @@ def test_a_known_mean_delay_moves_the_command() -> None:
     assert tp.sweep(late, samples=64).to_dict()["bias"]["position"] < 5e-4
 
 
+def test_a_folder_does_not_hide_a_built_in_scene(run, tmp_path, monkeypatch) -> None:
+    (tmp_path / "hand-box").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert run("sweep hand-box --samples 10 --json").json["scene"] == "hand-box"
+
+
 @pytest.mark.slow
 def test_any_executor_and_the_seed_alone_decides(delay) -> None:
     def result(**options) -> str:
