@@ -233,9 +233,7 @@ class Motion(Section):
     joints: str | None = optional("a CSV file with the columns t, q1, q2, ... (s, rad) of `arm`")
     arm: str | None = optional("as in [robot]; with `joints`")
     opening_time: float = quantity(
-        "s, time in `table` or `joints` at which the force starts to fall",
-        most=1e10,
-        default=0.0,
+        "s, time in `table` or `joints` at which the force starts to fall", most=1e10, default=0.0
     )
     cutoff: float = quantity(
         "Hz, low-pass of the samples, without phase shift", above=0, default=35.0
