@@ -177,6 +177,11 @@ class Flight:
         return np.column_stack([x + v_x * since, fall, theta + omega * since])
 
 
+def adjoin(one: Any, other: Any) -> bool:
+    """Whether capsules are of links next to each other, which may meet."""
+    return abs(one.link - other.link) <= ADJACENT and not (one.beside or other.beside)
+
+
 @dataclass(frozen=True)
 class Solid:
     """An obstacle: a box grown by a radius [m]; axes (3, 3) as rows."""
@@ -258,11 +263,11 @@ class Around:
         for solid in self.solids:
             away = [solid.distance(*ends[k]).min() - reach[k] for k in moving]
             found[f"arm, {solid.name}"] = min(away, default=math.inf), solid.clearance
+        links = () if arm is None else arm.arm.capsules
         away = [
             shapes.between_segments(*ends[i], *ends[j]).min() - radii[i] - radii[j]
             for i, j in itertools.combinations(range(len(groups)), 2)
-            if groups[i] != groups[j]
-            and abs(arm.arm.capsules[i].link - arm.arm.capsules[j].link) > ADJACENT
+            if groups[i] != groups[j] and not adjoin(links[i], links[j])
         ]
         return found | ({"arm, itself": (min(away), 0.0)} if away else {})
 

@@ -67,6 +67,11 @@ class LinkCapsule:
     begin: Point = described("m, in that joint's frame; of the hand as in [[links]]")
     end: Point = described("m, in the same frame")
     radius: float = described("m", above=0)
+    beside: bool = described(
+        "whether it stands beside the arm, as a second arm that is held still: links next to the "
+        "base keep off it, too",
+        False,
+    )
 
 
 @dataclass(frozen=True)

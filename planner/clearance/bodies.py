@@ -226,14 +226,15 @@ def bar_radii(bar: ThrownObject) -> list[float]:
 def _pairs_of(capsules: ArmCapsules, parts: int) -> list[tuple[int, int]]:
     """Pairs of bodies, as indices in a track, that move relative to each other and do not adjoin.
 
-    Links whose numbers differ by at most 2 adjoin. The object's parts are last; they have no pair
-    with the hand, since `palm_distance` measures that.
+    Links whose numbers differ by at most 2 adjoin, but none adjoins a body beside the arm. The
+    object's parts are last; they have no pair with the hand, since `palm_distance` measures that.
     """
     count, moved, number = len(capsules.number), capsules.moved_by, capsules.number
+    beside = [capsule.beside for capsule in capsules.arm.arm.capsules]
     found = [
         (i, j)
         for i, j in itertools.combinations(range(count), 2)
-        if moved[i] != moved[j] and abs(number[i] - number[j]) > 2
+        if moved[i] != moved[j] and (abs(number[i] - number[j]) > 2 or beside[i] or beside[j])
     ]
     apart = [i for i in range(count) if moved[i] != moved[-1]]
     return found + [(i, count + part) for part in range(parts) for i in apart]

@@ -46,7 +46,7 @@ COMMANDS = {
     "validate": (measured.validate_arguments, measured.validate_models),
 }
 #: Longest word [characters] of a printed message; longer words are cut.
-LONGEST = 160
+LONGEST = 1000
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

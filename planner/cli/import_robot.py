@@ -186,11 +186,13 @@ def _check_takes(options: argparse.Namespace, arm: Arm) -> None:
         check(dataclasses.replace(arm, links=()))
         # It is the torques.
         weak = weak_joints(arm)
-        words = f"limits that do not hold the arm at rest: {_weak(weak)}; take the data sheet's"
-        if options.torque:
-            raise InputError(f"--torque: {words}") from None
+        words = f"limits do not hold the arm at rest: {_weak(weak)}; take the data sheet's"
         values = [f"{2 * weak[n][0]:.2g}" if n in weak else "-" for n in options.joints]
-        raise MissingOptionError(f"--torque is missing: {words}", {"--torque": values}) from None
+        if options.torque:
+            given = options.torque * (len(values) if len(options.torque) == 1 else 1)
+            pairs = zip(values, given, strict=True)
+            values = [a if a != "-" or b is None else f"{b:.15g}" for a, b in pairs]
+        raise MissingOptionError(f"--torque: {words}", {"--torque": values}) from None
 
 
 @dataclasses.dataclass(frozen=True)

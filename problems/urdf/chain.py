@@ -111,6 +111,19 @@ class UrdfChain:
         return numbers
 
     @property
+    def beside(self) -> set[str]:
+        """Links behind held joints that do not carry the arm: fixed in the base's frame, but no
+        part of it."""
+        carrying = {joint.name for joint in _path(self.robot, str(self.path[0].parent))}
+        carrying |= {joint.name for joint in _path(self.robot, self.base)}
+        aside = self.held.keys() - carrying
+        return {
+            link
+            for link, number in self.numbers.items()
+            if number == 0 and any(joint.name in aside for joint in _path(self.robot, link))
+        }
+
+    @property
     def hand_links(self) -> tuple[str, ...]:
         """The links of the hand, as in `numbers`, in the file's order."""
         last, numbers = len(self.joints) + 1, self.numbers

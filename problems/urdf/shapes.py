@@ -44,20 +44,24 @@ class LinkShapes:
 def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
     """A capsule of about the least volume around the meshes of each URDF link.
 
-    A link inside the capsules of other links of its joint has no capsule. reach [m]: of the arm;
-    InputError for shapes that do not fit it, see `EXTENT`.
+    A link inside the capsules of other links of its joint has no capsule. Those of bodies beside
+    the arm include the cover, as distances between links do not. reach [m]: of the arm; InputError
+    for shapes that do not fit it, see `EXTENT`.
     """
     meshes, unread = link_meshes(chain, file, EXTENT * reach)
     capsules_found, clouds = list[LinkCapsule](), list[tuple[int, str, Array]]()
+    aside = chain.beside
     for number in sorted(meshes):
         own = {name: np.vstack([mesh.vertices for mesh in m]) for name, m in meshes[number].items()}
-        for points in sorted(own.values(), key=lambda cloud: -float(np.ptp(cloud, axis=0).max())):
-            if _outside(points, [c for c in capsules_found if c.link == number]) > 0.0:
-                capsules_found.append(_around(number, points))
+        for name in sorted(own, key=lambda name: -float(np.ptp(own[name], axis=0).max())):
+            of_body = [c for c in capsules_found if (c.link, c.beside) == (number, name in aside)]
+            if _outside(own[name], of_body) > 0.0:
+                capsules_found.append(replace(_around(number, own[name]), beside=name in aside))
         clouds += [(number, name, points) for name, points in own.items()]
-    less = _overlap(chain, capsules_found)
+    capsules_found, less = _overlap(chain, capsules_found)
     capsules_found = [
-        replace(c, radius=max(round(c.radius - less, DIGITS), 1e-3)) for c in capsules_found
+        c if c.beside else replace(c, radius=max(round(c.radius - less, DIGITS), 1e-3))
+        for c in capsules_found
     ]
     cover = 0.0
     for number, name, points in clouds:
@@ -69,6 +73,10 @@ def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
                 "give it a smaller <collision>"
             )
         cover = max(cover, math.ceil(1e3 * outside) / 1e3)
+    capsules_found = [
+        replace(c, radius=round(c.radius + cover, DIGITS)) if c.beside else c
+        for c in capsules_found
+    ]
     tried = next(filter(None, unread.values()), "")
     turned = tuple(
         name
@@ -254,20 +262,30 @@ def _outside(points: Array, capsules: Sequence[LinkCapsule]) -> float:
     return max(min(excess, default=math.inf), 0.0)
 
 
-def _overlap(chain: UrdfChain, capsules: Sequence[LinkCapsule]) -> float:
-    """Reduction [m] of radii at which links that do not adjoin are apart in most postures.
+def _overlap(chain: UrdfChain, capsules: Sequence[LinkCapsule]) -> tuple[list[LinkCapsule], float]:
+    """The capsules, and the reduction [m] of radii at which links that do not adjoin are apart in
+    most postures.
 
-    Capsules around a compact wrist and hand may overlap although their meshes do not.
+    Capsules around a compact wrist and hand may overlap although their meshes do not. A body beside
+    the arm that a link meets in most postures adjoins it: it counts to the base.
     """
     states = np.random.default_rng(0).uniform(-math.pi, math.pi, (60, len(chain.names)))
-    largest = 0.0
     placed = np.array([_ends(chain, capsules, state) for state in states])
-    for i, j in itertools.combinations(range(len(capsules)), 2):
-        one, other = capsules[i], capsules[j]
-        if other.link - one.link > 2:
-            apart = segment_distance(*placed[:, i].swapaxes(0, 1), *placed[:, j].swapaxes(0, 1))
-            largest = max(largest, (one.radius + other.radius - float(np.median(apart))) / 2)
-    return float(math.ceil(largest * 10**DIGITS) / 10**DIGITS)
+
+    def depth(i: int, j: int) -> float:
+        apart = segment_distance(*placed[:, i].swapaxes(0, 1), *placed[:, j].swapaxes(0, 1))
+        return (capsules[i].radius + capsules[j].radius - float(np.median(apart))) / 2
+
+    moving = [i for i, capsule in enumerate(capsules) if capsule.link > 0]
+    found = [
+        replace(c, beside=c.beside and not any(depth(i, j) > 0 for j in moving))
+        for i, c in enumerate(capsules)
+    ]
+    largest = 0.0
+    for i, j in itertools.combinations(range(len(found)), 2):
+        if found[j].link - found[i].link > 2 and not found[i].beside:
+            largest = max(largest, depth(i, j))
+    return found, float(math.ceil(largest * 10**DIGITS) / 10**DIGITS)
 
 
 def _ends(chain: UrdfChain, capsules: Sequence[LinkCapsule], state: Array) -> list[Array]:

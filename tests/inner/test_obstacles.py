@@ -14,7 +14,7 @@ import pytest
 import throwplan as tp
 from builders import nlp_of, varied
 from throwplan.models import Trajectory
-from throwplan.models.robot import about_z
+from throwplan.models.robot import LinkCapsule, about_z
 from throwplan.planner.clearance import CollisionScene, contacts, held_bar, overlap
 from throwplan.planner.show import serving, space_throw
 from throwplan.planner.throw import Throw, make_manipulator
@@ -66,6 +66,19 @@ def test_a_throw_clears_the_arm_as_the_check_says(pose, free) -> None:
             expected = np.maximum(expected, lack)
         assert found == pytest.approx(expected, abs=1e-9)
         assert (found[:50] <= 0.0).all() and (found > 0.01).sum() > 10
+
+
+def test_links_next_to_the_base_keep_off_bodies_beside_the_arm(pose, free) -> None:
+    """A ball where the upper arm passes: the base may meet it there, a second arm may not."""
+    q = free.throw.deciding.path.at(np.array([0.0, 0.5 * free.throw.opening_time])).pose
+    manipulator = make_manipulator(pose)
+    upper = next(i for i, c in enumerate(pose.arm.capsules) if c.link == 2)
+    place = manipulator.capsules.at(q)[upper, :, :, 1].mean(axis=0)
+    for beside in (False, True):
+        ball = LinkCapsule(0, tuple(place), tuple(place), 0.01, beside)
+        arm = dataclasses.replace(pose.arm, capsules=(*pose.arm.capsules, ball))
+        scene = pose.replace(arm=arm)
+        assert (overlap(scene, make_manipulator(scene), q)[1] > 0.0) == beside
 
 
 def test_a_solid_reaches_as_far_as_its_points():

@@ -286,6 +286,7 @@ def test_joints_beside_the_chain_are_held_inside_their_ranges(tmp_path, odd_file
             np.testing.assert_allclose(one[:3, 3], other[:3, 3] + [0, 0, lift], atol=1e-12)
         # Turned about x by the lean, the plank's axis goes from the mast's top to y < 0.
         (plank,) = arm.capsules
+        assert plank.link == 0 and plank.beside
         tip = max((plank.begin, plank.end), key=lambda end: end[2] if lean < 1 else -end[1])
         far = np.array(tip) - [0.0, 0.6, 0.8]
         np.testing.assert_allclose(

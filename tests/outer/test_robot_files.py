@@ -79,11 +79,10 @@ def test_limits_that_do_not_hold_the_arm_are_refused_by_import_and_scene(
     assert list(weak) == ["lift"] and weak["lift"][1] == 90.0
     torque = ["--torque", "150", "1", "150", "150"]
     need = f"lift needs {weak['lift'][0]:.3g} N m, has 1"
-    assert need in refused("import-robot", *words, *torque)
+    assert need in refused("import-robot", *words, *torque, lines=2)
     # The file's own are taken for placeholders: a line proposes others.
     file.write_text(planar_urdf().replace('effort="40"', 'effort="1"'))
     said = refused("import-robot", *words, lines=2)
-    assert "--torque is missing" in said
     assert run("", *shlex.split(said.partition("to try: throwplan ")[2])).status == 0
     file.write_text(planar_urdf())
     arm = imported(tmp_path, file, JOINTS, *ODD_OPTIONS, "--torque", "150")
