@@ -361,6 +361,19 @@ static void follow(const throw *t, const bodies *all, track *on)
     }
 }
 
+/* How many pairs of bodies have to keep clear of each other on a track. */
+static int64_t pairs_on(const bodies *all, const track *on)
+{
+    return on->flying ? all->pairs : all->always;
+}
+
+/* The distance that the axes of a pair of bodies need on a track. */
+static double apart_on(const bodies *all, const track *on, int64_t i)
+{
+    const int64_t *meet = all->meet + 2 * i;
+    return all->radius[meet[0]] + all->radius[meet[1]] + (on->flying ? all->apart[i] : 0.0);
+}
+
 /* Bodies of a track that are too near to something; how many are found. */
 static int64_t look(const throw *t, const bodies *all, const track *on, double number, contact *found)
 {
@@ -376,10 +389,10 @@ static int64_t look(const throw *t, const bodies *all, const track *on, double n
                 found[count++] = (contact){number, (double)b, (double)s, lack, when};
         }
     const int64_t *meet = all->meet;
-    for (int64_t i = 0; i < all->pairs; i++, meet += 2) {
+    for (int64_t i = 0; i < pairs_on(all, on); i++, meet += 2) {
         if (meet[1] >= bodies_here)
             continue;
-        double when, needed = all->radius[meet[0]] + all->radius[meet[1]];
+        double when, needed = apart_on(all, on, i);
         double lack = missing(t, all, on, meet[1], NULL, meet[0], needed, &when);
         if (lack > ROUNDING)
             found[count++] = (contact){number, (double)meet[1], (double)(-1 - meet[0]), lack, when};
@@ -474,7 +487,7 @@ CLONES EXPORT int64_t near_flights(const throw *shared, const bodies *all, int64
         }
         const int64_t *meet = all->meet;
         for (int64_t i = 0; i < all->pairs; i++, meet += 2) {
-            double needed = all->radius[meet[0]] + all->radius[meet[1]];
+            double needed = apart_on(all, &on, i);
             if (meet[1] >= all->links)
                 worst = fmax(worst,
                              missing(&t, &here, &on, meet[1], NULL, meet[0], needed, &when));
@@ -533,10 +546,10 @@ CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flyi
             room_of(&p, room);
         }
     const int64_t *meet = all->meet;
-    for (int64_t i = 0; i < all->pairs; i++, meet += 2) {
+    for (int64_t i = 0; i < pairs_on(all, &on); i++, meet += 2) {
         if (meet[1] >= all->links + bar || (alone && meet[1] < all->links))
             continue;
-        double needed = all->radius[meet[0]] + all->radius[meet[1]];
+        double needed = apart_on(all, &on, i);
         pair p = {NULL, all, &on, meet[1], meet[0], NULL, needed, INFINITY, 0.0, 0.0};
         room_of(&p, room);
     }

@@ -228,8 +228,9 @@ typedef struct {
     const double *outline;   /* [bar][5] as of `scene`; NULL for a bar */
     int64_t solids;
     const solid *around; /* [solids] */
-    int64_t pairs;
-    const int64_t *meet; /* [pairs][2] bodies that may meet each other */
+    int64_t pairs, always; /* the first `always` pairs at all times, the others in flight only */
+    const int64_t *meet;   /* [pairs][2] bodies that may meet each other */
+    const double *apart;   /* [pairs] m, clearance between them in flight */
     double behind, ahead, com_offset, grasp_angle, landing, middle;
 } bodies;
 

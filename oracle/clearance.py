@@ -295,7 +295,7 @@ class Around:
                 size = math.sqrt(space.column_radius**2 - beside**2), space.column_height
                 for name, there in (("held", poses), ("flying", way)):
                     found[f"{name} bar, column"] = bar.from_column(there, *size), 0.0
-        if self.moved is not None and space is not None and space.palm_clearance is not None:
+        if self._has_palm:
             pose = self.motion.hand.at(flight.begins + since)[0]
             pose = pose + off[0] + off[1] * since[:, None]
             far = bar.reach + scene.arm.tool.palm_back + scene.object.length
@@ -310,8 +310,9 @@ class Around:
             ("flying bar", way, flight.begins + since),
         ):
             flies = there is way
-            for axis, radius in bar.axes(there, self.motion.plane):
-                for other, away, kept in self._of_axis(axis, at, radius, flies, planned):
+            for part, (axis, radius) in enumerate(bar.axes(there, self.motion.plane)):
+                kept_by = self._links_for(bar, part, flies)
+                for other, away, kept in self._of_axis(axis, at, radius, kept_by, flies, planned):
                     key = f"{name}, {other}"
                     if key not in found or away - kept < found[key][0] - found[key][1]:
                         found[key] = away, kept
@@ -319,10 +320,47 @@ class Around:
             name: at_least(*each, scene.object.length, DISTANCE) for name, each in found.items()
         }
 
+    @property
+    def _has_palm(self) -> bool:
+        """Whether the flying bar has to keep a clearance to the palm."""
+        space = self.scene.workspace
+        if self.moved is None or space is None or space.palm_clearance is None:
+            return False
+        return bool(self.scene.arm.tool.palm_half_width > 0.0)
+
+    def _links_for(self, bar: Bar, part: int, flies: bool) -> dict[int, float]:
+        """Capsules that a part of the bar must not meet, by their numbers, and their clearance.
+
+        Those that move with the hand count in flight only, if they are clear of the bar as gripped.
+        """
+        ends, groups, radii = self._capsules
+        if self.moved is None:
+            return {}
+        hand = len(self.moved.throwing)
+        found = {k: 0.0 for k, group in enumerate(groups) if group != hand}
+        gripped = bar.held(self.motion.hand.at(self.ticks[:1])[0])
+        axis, radius = bar.axes(gripped, self.motion.plane)[part]
+        for k in (k for k, group in enumerate(groups) if flies and group == hand):
+            own = self.moved.arm.capsules[k].link == self.moved.arm.joints + 1
+            if own and self._has_palm:
+                continue
+            kept = (self.scene.workspace and self.scene.workspace.palm_clearance) or 0.0
+            kept = kept if own else 0.0
+            away = shapes.between_segments(*axis, *ends[k][:, :1])[0] - radius - radii[k]
+            if away > kept:
+                found[k] = kept
+        return found
+
     def _of_axis(
-        self, axis: list[Array], times: Array, radius: float, flies: bool, planned: bool
+        self,
+        axis: list[Array],
+        times: Array,
+        radius: float,
+        links: dict[int, float],
+        flies: bool,
+        planned: bool,
     ) -> Iterator[tuple[str, float, float]]:
-        """Distances of the bar's capsule to obstacles and links: name, least [m], clearance."""
+        """Distances of the bar's capsule to obstacles and `links`: name, least [m], clearance."""
         for solid in self.solids:
             away = solid.distance(*axis) - radius
             kept = np.full(away.shape, solid.clearance if planned else 0.0)
@@ -333,19 +371,18 @@ class Around:
                 kept = np.where(times > times[-1] - LANDS, lands, kept)
             worst = int(np.argmin(away - kept))
             yield solid.name, float(away[worst]), float(kept[worst])
-        ends, groups, radii = self._capsules
-        links = [k for k, group in enumerate(groups) if group != max(groups)]
+        ends, _, radii = self._capsules
         if links:
             # Between ticks of a millisecond links move linearly, to some micrometres.
             after = np.searchsorted(self.ticks, times).clip(1, self.ticks.size - 1)
             first, last = self.ticks[after - 1], self.ticks[after]
             share = ((times - first) / (last - first)).clip(0.0, 1.0)[:, None]
             away = []
-            for k in links:
+            for k, kept in links.items():
                 link = (1 - share) * ends[k][:, after - 1] + share * ends[k][:, after]
                 apart = shapes.between_segments(*axis, *link).min()
-                away.append(apart - radii[k] - radius)
-            yield "links", float(min(away)), 0.0
+                away.append((apart - radii[k] - radius, kept if planned else 0.0))
+            yield "links", *min(away, key=lambda found: found[0] - found[1])
 
     def _way_in(self, bar: Bar, flight: Flight) -> float:
         """Least clearance [m] of wall and rim until the bar is inserted; -inf if it never is."""

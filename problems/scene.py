@@ -267,6 +267,14 @@ class Scene(Section):
         return self.changed(**changes)
 
     @property
+    def palm_clearance(self) -> float | None:
+        """Clearance [m] of the flying bar to the palm; None without one, or where none is required.
+
+        For a hand without a palm the clearance is that to its capsules."""
+        has_palm = self.arm is not None and self.arm.tool.has_palm
+        return self.bounds.palm_clearance if has_palm else None
+
+    @property
     def aim(self) -> Pose:
         """The target; for scenes with [hand] or [robot], which have one."""
         assert self.target is not None

@@ -160,7 +160,9 @@ class Workspace(Section):
     )
     column_height: float | None = optional("m; with `column_radius`", above=0)
     palm_clearance: float | None = optional(
-        "m, from the detached bar to the hand's body; only an arm's hand has one", least=0
+        "m, from the detached bar to the hand of an arm: to its palm, without one to those of its "
+        "capsules that are farther than this from the object as gripped",
+        least=0,
     )
 
     def check(self) -> None:

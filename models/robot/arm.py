@@ -91,6 +91,11 @@ class Tool:
     xyz: Point = described("m, the mount in the last joint's frame", (0.0, 0.0, 0.0))
     rpy: Point = described("rad, rotation of the mount in the last joint's frame", (0.0, 0.0, 0.0))
 
+    @property
+    def has_palm(self) -> bool:
+        """Whether the hand has a palm: one of no width is none."""
+        return self.palm_half_width > 0.0
+
 
 @dataclass(frozen=True)
 class Slowing:

@@ -91,7 +91,8 @@ class ArmCapsules(ReadOnly):
 
     number (C,): of the arm's link; 0 is the base, the last one the hand. moved_by (C,): the link of
     `PlanarArm` that moves it, -1 for none. places (C, 2, 3): ends x, y, z [m]; x and z from the
-    joint of that link with all coordinates 0, y from the plane. radius (C,) [m].
+    joint of that link with all coordinates 0, y from the plane. radius (C,) [m]. hand_moved_by: the
+    link that moves the hand.
     """
 
     arm: PlanarArm
@@ -99,12 +100,17 @@ class ArmCapsules(ReadOnly):
     moved_by: tuple[int, ...]
     places: Array
     radius: Array
+    hand_moved_by: int
+
+    @property
+    def hand(self) -> int:
+        """Number of the hand among the links."""
+        return self.arm.arm.joints + 1
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the links."""
-        hand = self.arm.arm.joints + 1
-        words = {0: "base", hand: "hand"}
+        words = {0: "base", self.hand: "hand"}
         return tuple(words.get(number, f"link {number}") for number in self.number)
 
     @cached_property
@@ -131,7 +137,8 @@ class ArmCapsules(ReadOnly):
             places[i] = np.round(places[i] - [x, arm.arm.lateral, z], 12)
             moved.append(link)
         radius = np.array([capsule.radius for capsule in given])
-        return cls(arm, tuple(c.link for c in given), tuple(moved), places, radius)
+        hand = arm.moved_by(arm.arm.joints + 1)
+        return cls(arm, tuple(c.link for c in given), tuple(moved), places, radius, hand)
 
     def aimed(self, azimuth: float) -> ArmCapsules:
         """The capsules in a plane at `azimuth` [rad]; the base does not turn with it."""

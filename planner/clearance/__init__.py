@@ -10,6 +10,7 @@ from .bodies import (
     bar_room,
     check_obstacles,
     contacts,
+    hand_pairs,
     overlap,
 )
 from .in_space import SpatialScene

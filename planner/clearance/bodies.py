@@ -10,8 +10,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from ...core import BodiesC, SolidC, library
-from ...models import Array
-from ...models.robot import ArmCapsules, Solid
+from ...models import Array, sticking_state
+from ...models.robot import ArmCapsules, Solid, segment_distance
 from ...problems import InputError, Scene, ThrownObject, ThrowPlane
 from ..throw import Manipulator, Throw
 from .outlines import bar_ends, held_bar
@@ -53,14 +53,16 @@ class KeepOut:
 
 @dataclass(frozen=True)
 class Clearance:
-    """Two bodies too near to each other: penetration [m] of the clearance, at time [s].
+    """Two bodies too near to each other: penetration [m] of their clearance [m], at time [s].
 
-    thing: None if the arm meets itself; flying: whether the body is the bar after detach.
+    thing: None if the arm meets itself or the bar; flying: whether the body is the bar after
+    detach.
     """
 
     body: str
     other: str
     thing: KeepOut | None
+    clearance: float
     penetration: float
     time: float
     flying: bool
@@ -119,14 +121,17 @@ class CollisionScene:
         """The arm's capsules in the throw's plane."""
         return None if self.arm is None else self.arm.aimed(self.azimuth)
 
-    @property
-    def pairs(self) -> list[tuple[int, int]]:
-        """Bodies of the arm, and last the bar, that must not meet: see `_pairs_of`."""
-        return [] if self.arm is None else _pairs_of(self.arm, len(bar_radii(self.scene.object)))
+    def pairs(self, *, flying: bool) -> list[tuple[int, int, float]]:
+        """Pairs of bodies of the arm, and last the bar, that must not meet, and their clearance
+        [m]: see `_pairs_of`. flying: those of the bar in flight too, see `hand_pairs`."""
+        if self.arm is None:
+            return []
+        found = [(i, j, 0.0) for i, j in _pairs_of(self.arm, len(bar_radii(self.scene.object)))]
+        return found + (hand_pairs(self.scene, self.arm) if flying else [])
 
     def core(self, hand_error: float = 0.0) -> BodiesC:
         """Scene, arm and bar for the compiled core; hand_error [rad]: of the hand's angle."""
-        scene, found = self.scene, _shape(self.arm, self.scene.object).copy()
+        scene, found = self.scene, _shape(self.arm, self.scene.object, *_grip(self.scene)).copy()
         found.solids = len(self.things)
         found.attach(around=(SolidC * found.solids)(*(thing.core for thing in self.things)))
         found.com_offset, found.grasp_angle = scene.com_offset, scene.grasp.angle + hand_error
@@ -181,7 +186,12 @@ class CollisionScene:
             thing = self.things[int(other)] if other >= 0 else None
             name = names[-1 - int(other)] if thing is None else thing.name
             flying = track == 1 and names[int(body)] == BAR
-            result.append(Clearance(names[int(body)], name, thing, penetration, time, flying))
+            clearance = 0.0 if thing is None else thing.clearance
+            if flying and name == "hand":
+                clearance = self.scene.bounds.palm_clearance or 0.0
+            result.append(
+                Clearance(names[int(body)], name, thing, clearance, penetration, time, flying)
+            )
         return result
 
     def min_clearance(self, track: SweptBodies, *, bar_only: bool = False) -> Array:
@@ -227,7 +237,7 @@ def _pairs_of(capsules: ArmCapsules, parts: int) -> list[tuple[int, int]]:
     """Pairs of bodies, as indices in a track, that move relative to each other and do not adjoin.
 
     Links whose numbers differ by at most 2 adjoin, but none adjoins a body beside the arm. The
-    object's parts are last; they have no pair with the hand, since `palm_distance` measures that.
+    object's parts are last.
     """
     count, moved, number = len(capsules.number), capsules.moved_by, capsules.number
     beside = [capsule.beside for capsule in capsules.arm.arm.capsules]
@@ -236,25 +246,73 @@ def _pairs_of(capsules: ArmCapsules, parts: int) -> list[tuple[int, int]]:
         for i, j in itertools.combinations(range(count), 2)
         if moved[i] != moved[j] and (abs(number[i] - number[j]) > 2 or beside[i] or beside[j])
     ]
-    apart = [i for i in range(count) if moved[i] != moved[-1]]
+    apart = [i for i in range(count) if moved[i] != capsules.hand_moved_by]
     return found + [(i, count + part) for part in range(parts) for i in apart]
 
 
+def _grip(scene: Scene) -> tuple[float, float, float | None]:
+    """Offset of the CoM [m] and grasp angle [rad] in the hand; `palm_clearance` [m]."""
+    return scene.com_offset, scene.grasp.angle, scene.bounds.palm_clearance
+
+
+def hand_pairs(scene: Scene, capsules: ArmCapsules) -> list[tuple[int, int, float]]:
+    """Capsules that move with the hand and the object's parts, as indices in a track, that must not
+    meet in flight, and their clearance [m].
+
+    Bodies that are nearer as the object is gripped, as fingers are, have no pair. The hand's own
+    capsules keep `palm_clearance`; they have no pair where the palm is measured instead.
+    """
+    return list(_hand_pairs(capsules, scene.object, *_grip(scene)))
+
+
 @lru_cache(maxsize=8)
-def _shape(capsules: ArmCapsules | None, bar: ThrownObject) -> BodiesC:
+def _hand_pairs(
+    capsules: ArmCapsules, bar: ThrownObject, offset: float, angle: float, clearance: float | None
+) -> tuple[tuple[int, int, float], ...]:
+    # All from the joint that moves the hand, its link's angle being 0.
+    arm, count, found = capsules.arm, len(capsules.number), list[tuple[int, int, float]]()
+    hand = np.array([[*arm.links[-1], arm.theta]]).T
+    held = bar_ends(bar, np.array(sticking_state(hand, np.zeros(3), angle, offset)[:3]))[..., 0]
+    for i, number in enumerate(capsules.number):
+        own = number == capsules.hand
+        if capsules.moved_by[i] != capsules.hand_moved_by:
+            continue
+        if own and arm.arm.tool.has_palm and clearance is not None:
+            continue
+        apart = clearance or 0.0 if own else 0.0
+        link = np.broadcast_to(capsules.places[i], held.shape)
+        gaps = segment_distance(held[:, 0], held[:, 1], link[:, 0], link[:, 1])
+        for part, (gap, radius) in enumerate(zip(gaps, bar_radii(bar), strict=True)):
+            if gap - radius - capsules.radius[i] > apart:
+                found.append((i, count + part, apart))
+    return tuple(found)
+
+
+@lru_cache(maxsize=8)
+def _shape(
+    capsules: ArmCapsules | None,
+    bar: ThrownObject,
+    offset: float,
+    angle: float,
+    clearance: float | None,
+) -> BodiesC:
     """Arm, in the plane at azimuth 0, and bar for the compiled core."""
     links, parts = 0 if capsules is None else len(capsules.number), bar_radii(bar)
     moved_by, moves = np.zeros(links, np.int64), np.ones(links + len(parts), np.int64)
-    places, pairs = np.zeros((links, 2, 3)), np.zeros((0, 2), np.int64)
+    places, pairs, always = np.zeros((links, 2, 3)), list[tuple[int, int, float]](), 0
     radius, cover = np.array([0.0] * links + parts), np.zeros(links + len(parts))
     if capsules is not None:
         moved_by[:], moves[:links], places[:] = capsules.moved_by, capsules.moves, capsules.places
         radius[:links], cover[:links] = capsules.radius, capsules.arm.arm.cover
-        pairs = np.array(_pairs_of(capsules, len(parts)), np.int64).reshape(-1, 2)
-    found = BodiesC(links=links, bar=len(parts), pairs=len(pairs), landing=LANDING)
+        pairs = [(i, j, 0.0) for i, j in _pairs_of(capsules, len(parts))]
+        always = len(pairs)
+        pairs += _hand_pairs(capsules, bar, offset, angle, clearance)
+    found = BodiesC(links=links, bar=len(parts), pairs=len(pairs), always=always, landing=LANDING)
     found.middle = MIDDLE
     found.behind, found.ahead = bar.com, bar.length - bar.com
-    body = {"moved_by": moved_by, "moves": moves, "meet": pairs, "places": places}
+    meet = np.array([pair[:2] for pair in pairs], np.int64).reshape(-1, 2)
+    apart = np.array([pair[2] for pair in pairs])
+    body = {"moved_by": moved_by, "moves": moves, "meet": meet, "apart": apart, "places": places}
     found.attach(**body, radius=radius, reach=radius + cover)
     if bar.outline:
         found.attach(outline=bar.capsules)
@@ -333,8 +391,8 @@ def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
     held = held_bar(scene, manipulator.motion(q, 0 * q, 0 * q)[0])
     for found in around.clearances(around.bodies_at(np.zeros(2), q, held)):
         if found.thing is not None:
-            away = 1e3 * max(found.thing.clearance - found.penetration, 0.0)
+            away = 1e3 * max(found.clearance - found.penetration, 0.0)
             raise InputError(
                 f"{scene.place}: {found.thing.words}: {away:.0f} mm from the start pose's "
-                f"{found.body}, its clearance is {1e3 * found.thing.clearance:.0f} mm"
+                f"{found.body}, its clearance is {1e3 * found.clearance:.0f} mm"
             )

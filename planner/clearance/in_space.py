@@ -118,7 +118,8 @@ class SpatialScene:
         # The first link turns about its own axis; the flange turns with the hand.
         last = self.kinematics.arm.joints
         moved = tuple((min(number, last) - 1) or -1 for number in capsules.number)
-        return dataclasses.replace(found, arm=dataclasses.replace(capsules, moved_by=moved))
+        arm = dataclasses.replace(capsules, moved_by=moved, hand_moved_by=last - 1)
+        return dataclasses.replace(found, arm=arm)
 
     def lowest_of_bar(self, pads: PadMotion) -> Array:
         """Height (N,) [m] of the held object's lowest point, of a bar its lowest corner."""

@@ -395,7 +395,7 @@ def _text(options: argparse.Namespace, result: dict[str, Any], held: str) -> str
             f"one, import with --tool {result['flange'] or 'FLANGE'}, without --tcp and --palm"
         )
     if options.palm is None:
-        lines.append("no --palm: the bar is not kept clear of the hand's body")
+        lines.append("no --palm: the flying bar is kept clear of the hand's capsules only")
     if result["capsules"]:
         lines.append(
             f"shapes: {result['capsules']} capsules; the links' meshes extend at most "

@@ -194,7 +194,7 @@ class CellSolver:
 
 def first_refinement(scene: Scene) -> Refinement:
     """What the first NLP of each cell constrains: the flying bar, where there is a palm or cup."""
-    palm = scene.bounds.palm_clearance is not None
+    palm = scene.palm_clearance is not None
     return Refinement(frozenset({"flight"})) if palm or scene.cup is not None else BASE
 
 

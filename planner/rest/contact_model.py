@@ -39,8 +39,7 @@ def load_mujoco(user: str = "[rest]") -> Any:
 
 def has_hand(scene: Scene) -> bool:
     """Whether the bar can hit the hand's body in this scene."""
-    has_body = scene.arm is not None and scene.arm.tool.palm_half_width > 0.0
-    return has_body and scene.bounds.palm_clearance is not None
+    return scene.palm_clearance is not None
 
 
 @dataclass(frozen=True, eq=False)

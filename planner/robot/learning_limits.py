@@ -217,7 +217,7 @@ def _flights(
         return
     since = np.arange(0.0, lasts, LIMITS.spacing * TICK)
     at = np.minimum(opened - 1 + LIMITS.spacing * np.arange(since.size), times.size - 1)
-    allowed = None if scene.workspace is None else scene.workspace.palm_clearance
+    allowed = scene.palm_clearance
 
     def depth(place: Array, state: Array) -> Array:
         com = scene.flight.after(FlightState(*state), since).pose

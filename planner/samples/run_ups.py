@@ -141,7 +141,7 @@ def clears_thrown(
     asked.
     """
     clear = np.ones(len(q), dtype=bool)
-    palm, arm = scene.bounds.palm_clearance, scene.arm
+    palm, arm = scene.palm_clearance, scene.arm
     if arm is None or not clear.size or (palm is None and manipulator.capsules is None):
         return clear
     stop_time = np.abs(dq) / (BRAKE_SHARE * manipulator.planning.ddq) + 1e-9

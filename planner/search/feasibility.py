@@ -9,7 +9,7 @@ import numpy as np
 
 from ...models import Array, HandSamples
 from ...problems import InputError, Pose, Scene
-from ..clearance import column_distance, grasp_distance, held_bar, lowest_of_bar
+from ..clearance import column_distance, grasp_distance, hand_pairs, held_bar, lowest_of_bar
 from ..throw import Manipulator, column_of, friction_use, outline, rest_torques, torque_limits
 
 #: Random start poses that are checked where the start is free.
@@ -33,7 +33,7 @@ def check_start(scene: Scene, manipulator: Manipulator) -> None:
     rng, size = np.random.default_rng(0), (STARTS, manipulator.size)
     q = rng.uniform(limits.q_min, limits.q_max, size).T if given is None else given[:, None]
     _check_grip(scene, manipulator, q)
-    _check_palm(scene)
+    _check_palm(scene, manipulator)
     _check_torques(scene, manipulator, q)
     _check_place(scene, manipulator, q)
 
@@ -118,9 +118,12 @@ def _check_torques(scene: Scene, manipulator: Manipulator, q: Array) -> None:
     )
 
 
-def _check_palm(scene: Scene) -> None:
+def _check_palm(scene: Scene, manipulator: Manipulator) -> None:
     """InputError if the object as gripped reaches into the hand's body."""
-    if scene.arm is None or not scene.arm.tool.palm_half_width:
+    if scene.arm is None:
+        return
+    if not scene.arm.tool.has_palm:
+        _check_hand_shapes(scene, manipulator)
         return
     away, angle = grasp_distance(scene), math.degrees(scene.grasp.angle)
     if away < 0.0:
@@ -128,6 +131,21 @@ def _check_palm(scene: Scene) -> None:
             f"{scene.place}: [grasp] angle_deg = {angle:g}, offset = {scene.grasp.offset:g}: the "
             f"object as gripped reaches {-1e3 * away:.0f} mm into the palm, which begins "
             f"{1e3 * scene.arm.tool.palm_front:.0f} mm behind the pads' centre"
+        )
+
+
+def _check_hand_shapes(scene: Scene, manipulator: Manipulator) -> None:
+    """InputError if a clearance to a hand without a palm is required and no capsule keeps it."""
+    arm, clearance, capsules = scene.arm, scene.bounds.palm_clearance, manipulator.capsules
+    if arm is None or clearance is None:
+        return
+    pairs = [] if capsules is None else hand_pairs(scene, capsules)
+    if capsules is None or not any(capsules.number[i] == capsules.hand for i, *_ in pairs):
+        raise InputError(
+            f"{scene.place}: [workspace] palm_clearance = {clearance:g}: the arm {arm.name} has "
+            "neither a palm nor capsules of the hand farther than that from the object as gripped; "
+            "give its file palm_back, palm_front and palm_half_width (import-robot --palm), or "
+            "leave palm_clearance out"
         )
 
 

@@ -324,7 +324,7 @@ def core_scene(scene: Scene, hand_error: float) -> SceneC:
     """The scene's data for measures by the compiled core; hand_error [rad]: of the hand's angle."""
     bar, body, patch, cup, arm = scene.object, scene.body, scene.patch, scene.cup, scene.arm
     limit = patch.force_limit(scene.gripper.profile().full)
-    column, room = column_of(scene), scene.bounds.palm_clearance
+    column, room = column_of(scene), scene.palm_clearance
     found = SceneC(
         gravity=scene.gravity,
         mass=body.mass,

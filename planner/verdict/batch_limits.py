@@ -287,7 +287,7 @@ class MotionLimits:
         column, palm_time, cup, near = measured.T
         if column_of(scene) is not None:
             add(Code.COLUMN, column < -NEAR)
-        if scene.bounds.palm_clearance is not None:
+        if scene.palm_clearance is not None:
             add(Code.PALM, np.isfinite(palm_time))
         if scene.cup is not None:
             into = np.isfinite(cup)
@@ -315,7 +315,7 @@ class MotionLimits:
         count = math.ceil((end - begin) / (WINDOW * TICK))
         times = np.asarray(begin + TICK * np.arange(count * WINDOW + 1), float)
         com = throw.flight(times - throw.detach_time)
-        column, room = column_of(scene), scene.bounds.palm_clearance
+        column, room = column_of(scene), scene.palm_clearance
         clearances = dict.fromkeys(("palm", "column"), np.full(times.size, np.inf))
         clearances["bodies"] = bar_room(throw, times, com, flying=True)
         if room is not None and scene.arm is not None:

@@ -191,7 +191,7 @@ def _column(throw: Throw) -> Iterator[Finding]:
 
 
 def _palm(throw: Throw) -> Iterator[Finding]:
-    room, first = throw.scene.bounds.palm_clearance, throw.measured.palm_time
+    room, first = throw.scene.palm_clearance, throw.measured.palm_time
     if math.isfinite(first) and room is not None:
         least, when = throw.measured.palm.value, throw.detach_time + first
         yield Finding(Code.PALM, least, room, when, FLYING)
@@ -215,10 +215,9 @@ def _collisions(throw: Throw) -> Iterator[Finding]:
 def collision(pair: Clearance) -> Finding:
     """The finding about two bodies that are too close to each other."""
     body = FLYING if pair.flying else pair.body
-    clearance = 0.0 if pair.thing is None else pair.thing.clearance
     other = pair.other if pair.thing is None else pair.thing.words
-    distance = clearance - pair.penetration
-    return Finding(Code.COLLISION, distance, clearance, pair.time, body, other)
+    distance = pair.clearance - pair.penetration
+    return Finding(Code.COLLISION, distance, pair.clearance, pair.time, body, other)
 
 
 _RULES: tuple[Callable[[Throw], Iterator[Finding]], ...] = (

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import varied
-from throwplan.planner.throw import Throw
+from throwplan.models.robot import LinkCapsule
+from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.verdict import Code, Finding, verdict
 from throwplan.problems import (
     Distribution,
@@ -133,6 +134,27 @@ def compared(throw: Throw, oracle: Oracle, random: np.random.Generator) -> set[C
 def test_verdicts_are_the_oracles(name: str, changes: int, plan_of, saved) -> None:
     throw, oracle = plan_of(name).throw.deciding, read_oracle(saved(name))
     assert len(codes_of(throw, oracle, len(name), changes)) > 2
+
+
+def test_a_hand_without_a_palm_keeps_its_clearance_by_its_capsules(plan_of, saved) -> None:
+    """One of them stands at a side of the held bar, nearer or farther."""
+    throw, oracle, said = plan_of("pose").throw.deciding, read_oracle(saved("pose")), set()
+    arm = throw.scene.arm
+    for aside in (-0.2, -0.15, -0.1, -0.07, -0.05, 0.05, 0.07, 0.1, 0.15, 0.2):
+        shape = LinkCapsule(8, (aside, 0.0, 0.1), (aside, 0.0, 0.25), 0.01)
+        other = {"tool": replace(arm.tool, palm_half_width=0.0), "capsules": (*arm.capsules, shape)}
+        scene = varied(throw.scene, workspace={"palm_clearance": 0.02}, arm=other)
+        again = replace(throw, scene=scene, manipulator=make_manipulator(scene), path=throw.to_rest)
+        judged = Oracle(scene, oracle.samples, again.opening_time).judge(planned=True)
+        links = judged.found["flying bar, links"]
+        if abs(links.value[0] - links.limit[0]) > MOVED:
+            found = [each for each in verdict(again).broken if each.other == "hand"]
+            assert bool(found) == links.broken[0], aside
+            said.add(bool(found))
+            for each in found:
+                assert each.value == pytest.approx(links.value[0], abs=MOVED)
+                assert each.limit == 0.02
+    assert said == {False, True}
 
 
 def codes_of(throw: Throw, oracle: Oracle, seed: int, changes: int) -> set[Code]:

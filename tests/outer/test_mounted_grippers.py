@@ -69,6 +69,15 @@ def test_a_hand_without_a_body_is_replayed_and_drawn(tmp_path, run) -> None:
     assert run("view", tmp_path / "out", "--png", tmp_path / "throw.png").status == 0
 
 
+def test_a_clearance_to_a_hand_without_palm_and_shapes_is_refused() -> None:
+    scene = tp.load_scene("pose")
+    tool = dataclasses.replace(scene.arm.tool, palm_half_width=0.0)
+    links = tuple(one for one in scene.arm.capsules if one.link <= scene.arm.joints)
+    for capsules in ((), links):
+        with pytest.raises(tp.InputError, match=r"\[workspace\] palm_clearance = 0.005: .*panda"):
+            tp.plan(varied(scene, arm={"tool": tool, "capsules": capsules}))
+
+
 def test_a_palm_from_back_to_front_is_refused(tmp_path, refused) -> None:
     text = tp.scene_text("pose").replace("[gripper]", '[gripper]\nfile = "hand.toml"')
     (tmp_path / "scene.toml").write_text(text)

@@ -247,7 +247,8 @@ def _separating_planes(
     for index in moving:
         body = index % len(track.names)
         solids = [(o.solid, o.clearance) for o in around.things if o.bar or index >= 0]
-        planes.append(_planes_of(track, body, solids, [i for i, j in around.pairs if j == body]))
+        links = [(i, apart) for i, j, apart in around.pairs(flying=flying) if j == body]
+        planes.append(_planes_of(track, body, solids, links))
     return np.stack(planes, axis=1)
 
 
@@ -265,12 +266,16 @@ def _directions() -> tuple[Array, Array]:
 
 
 def _planes_of(
-    track: SweptBodies, body: int, solids: Sequence[tuple[Solid, float]], links: Sequence[int]
+    track: SweptBodies,
+    body: int,
+    solids: Sequence[tuple[Solid, float]],
+    links: Sequence[tuple[int, float]],
 ) -> Array:
     """Planes (N, count, SIZE) for a body at the track's instants: n_x, n_z, offset of either end.
 
-    solids: with their clearance [m]; links: bodies of the track that it must not meet. An end at
-    (x, z) is clear if n_x x + n_z z >= its offset. The planes are those of the `count` nearest.
+    solids: with their clearance [m]; links: bodies of the track that it must not meet, with
+    theirs. An end at (x, z) is clear if n_x x + n_z z >= its offset. The planes are those of the
+    `count` nearest.
     """
     normals, in_plane = _directions()
     ends = track.ends[body]
@@ -279,9 +284,9 @@ def _planes_of(
     for solid, clearance in solids:
         extent = solid.support(normals) + clearance + track.reach[body]
         extents.append(np.broadcast_to(extent, nearest_end.shape))
-    for link in links:
+    for link, clearance in links:
         extent = np.maximum(*(normals @ end for end in track.ends[link])).T
-        extents.append(extent + track.radius[link] + track.radius[body])
+        extents.append(extent + track.radius[link] + track.radius[body] + clearance)
     planes = np.tile(EMPTY, (len(track.times), max(SETTINGS.count, len(extents)), 1))
     clearances = np.full(planes.shape[:2], np.inf)
     for k, extent in enumerate(extents):

@@ -199,7 +199,7 @@ class Palm(SceneConstraint):
     def of(cls, request: Request) -> Self | None:
         """As a lazy constraint of a scene with a clearance to the hand's body, which grows by the
         clearance and half the bar's width."""
-        clearance, arm = request.scene.bounds.palm_clearance, request.scene.arm
+        clearance, arm = request.scene.palm_clearance, request.scene.arm
         lazy = request.refinement.lazy & {"flight", "return"}
         if not lazy or clearance is None or arm is None:
             return None
