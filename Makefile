@@ -61,16 +61,18 @@ core:
 
 # The optional extras beside what is there.
 extras: .venv/run
-	$(PIP) $(EDITABLE) '.[dask,franka,mujoco,objects,ros,urdf,view]'
+	$(PIP) $(EDITABLE) '.[dask,film,franka,mujoco,objects,ros,urdf,view]'
 
-# README's film and the picture of the throw, made again; needs ffmpeg.
-FILTER := fps=10,scale=640:-1:flags=lanczos,split[a][b];[a]palettegen=max_colors=64[p];[b][p]paletteuse=dither=none
+# README's film and pictures, made again; needs ffmpeg and chromium.
+FILTER := fps=10,scale=640:-1:flags=lanczos,split[a][b];[a]palettegen=max_colors=128[p];[b][p]paletteuse=dither=none
 pictures: extras
 	$(BIN)/throwplan plan cup --out out/cup
 	cp out/cup/throw.png docs/cup.png
 	cd docs && ../$(BIN)/throwplan scenes --draw drawn.toml --force
 	$(BIN)/throwplan view out/cup --mp4 out/cup/throw.mp4
 	ffmpeg -loglevel error -y -i out/cup/throw.mp4 -vf "$(FILTER)" docs/cup.gif
+	$(BIN)/throwplan play cup --no-browser --hold 90 & sleep 30; \
+		$(BIN)/python tests/browser.py http://127.0.0.1:8080 docs/play.png; wait
 
 # The notebooks of examples/ in JupyterLab; and all of them run anew, with their output.
 notebooks: .venv/notebooks

@@ -1,4 +1,7 @@
-"""Headless Chromium over its DevTools protocol, for tests of pages."""
+"""Headless Chromium over its DevTools protocol, for tests of pages.
+
+`python tests/browser.py ADDRESS FILE` writes a picture of a page.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 import urllib.request
@@ -119,3 +123,11 @@ def page_socket(port: str) -> str:
     with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list", timeout=20) as answer:
         pages = [page for page in json.load(answer) if page["type"] == "page"]
     return pages[0]["webSocketDebuggerUrl"]
+
+
+if __name__ == "__main__":
+    with browsing(sys.argv[1]) as opened:
+        time.sleep(20.0)  # Until viser's page has drawn all, and says that it draws in software.
+        opened.value("document.querySelector('[class*=Notification] button')?.click()")
+        time.sleep(3.0)
+        Image.fromarray((255 * opened.picture()).astype(np.uint8)).save(sys.argv[2])

@@ -49,7 +49,7 @@ def view_arguments(add: Add) -> None:
     add_plan_or_cycle(add)
     _add_page(add)
     add("--png", metavar="FILE", help="write the scene at detach as a picture instead")
-    add("--mp4", metavar="FILE", help="write the throw as a film instead (needs ffmpeg)")
+    add("--mp4", metavar="FILE", help="write the throw as a film instead")
 
 
 def play_arguments(add: Add) -> None:

@@ -2,6 +2,7 @@
 
 from .cycle_view import SpaceCycle
 from .drawings import draw_bars, draw_cup, draw_flight
+from .painter import save_in_space
 from .release_pictures import draw_releases
 from .scene_picture import draw_scene
 from .server import Panel, empty_page, open_browser, run_panel, serving
@@ -10,5 +11,4 @@ from .tables import Row, Table, shown
 from .throw_picture import draw_throw, draw_throw_moving
 from .timeline import timeline as over_time
 from .view import rgb
-from .view_painter import save_in_space
 from .view_throw import SpaceThrow, space_throw

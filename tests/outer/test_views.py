@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import socket
 import subprocess
 import sys
 import urllib.request
-from pathlib import Path
+from ctypes.util import find_library
 
+import av
 import numpy as np
 import pytest
 import throwplan as tp
 from PIL import Image
+
+#: VTK draws by one of these, without a display.
+needs_opengl = pytest.mark.skipif(
+    not any(map(find_library, ("EGL", "OSMesa"))), reason="no OpenGL here"
+)
 
 
 def viewing(*words: object) -> subprocess.Popen[str]:
@@ -108,58 +113,41 @@ def test_without_viser_the_extra_is_named(saved) -> None:
     assert done.stderr == 2 * "throwplan: the page needs viser: pip install viser\n"
 
 
-def test_a_film_needs_ffmpeg_that_works(saved, refused, monkeypatch, tmp_path: Path) -> None:
-    path = tmp_path / "throw.mp4"
-    path.write_text("earlier")
-    monkeypatch.setenv("PATH", str(tmp_path))
-    words = ("view", saved("hand-flip"), "--mp4")
-    assert "needs ffmpeg, which is not installed" in refused(*words, path)
-    broken = tmp_path / "ffmpeg"
-    broken.write_text("#!/bin/sh\nexit 1\n".replace("/bin/sh", shutil.which("sh", path=os.defpath)))
-    broken.chmod(0o755)
-    assert "ffmpeg failed with status 1" in refused(*words, path)
-    assert path.read_text() == "earlier"
-    assert "below.mp4: File exists" in refused(*words, path / "below.mp4")
-
-
-def test_a_picture_of_the_scene(saved, run, tmp_path) -> None:
-    """The bar before detach, its way in flight, and neither at the edges."""
+@needs_opengl
+def test_a_picture_has_the_arm_and_the_bar_in_it(saved, run, tmp_path) -> None:
+    """In their colours: the bar is red before detach and green in flight; none is cut off."""
     path = tmp_path / "pictures" / "throw.png"
-    assert run("view", saved("hand-flip"), "--png", path, "--json").json == {"png": str(path)}
+    assert run("view", saved("near-cup"), "--png", path, "--json").json == {"png": str(path)}
     picture = np.asarray(Image.open(path).convert("RGB")).astype(int)
     red, green, blue = picture.transpose(2, 0, 1)
-    for there in (red > blue + 60, green > red + 25):
+    arm = (blue > red + 10) & (blue > green) & (green < 180)
+    for there, least in ((arm, 5000), (red > blue + 60, 300), (green > red + 25, 300)):
         places = np.argwhere(there)
-        assert len(places) > 50
+        assert len(places) > least
         assert places.min() > 0 and (places.max(axis=0) < np.array(there.shape) - 1).all()
-
-
-def seconds_of(film: Path) -> float:
-    """The length of a film [s]."""
-    probe = ["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0"]
-    return float(subprocess.run([*probe, film], capture_output=True, check=True).stdout)
+    assert os.listdir(path.parent) == ["throw.png"]
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg here")
-def test_a_film(saved, run, tmp_path) -> None:
+@needs_opengl
+def test_a_film_is_five_times_as_long_as_the_throw(saved, run, refused, tmp_path) -> None:
     path = tmp_path / "films" / "throw.mp4"
-    said = run("view", saved("hand-flip"), "--mp4", path, "--json")
-    assert said.json == {"mp4": str(path)}
+    assert run("view", saved("hand-flip"), "--mp4", path, "--json").json == {"mp4": str(path)}
     assert os.listdir(path.parent) == ["throw.mp4"]
     landing = json.loads((saved("hand-flip") / "plan.json").read_text())["release"]["landing_time"]
-    # A fifth of the speed, and half a second more for the last frame.
-    assert seconds_of(path) == pytest.approx(5 * landing + 0.5, abs=0.1)
+    with av.open(path) as film:
+        # And half a second more for the last frame.
+        assert film.duration / 1e6 == pytest.approx(5 * landing + 0.5, abs=0.1)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg here")
-def test_a_cycles_film_is_as_fast_as_the_cycle(cycled, run, tmp_path) -> None:
-    assert run("view", cycled, "--mp4", tmp_path / "cycle.mp4").status == 0
-    duration = json.loads((cycled / "cycle.json").read_text())["duration"]
-    assert seconds_of(tmp_path / "cycle.mp4") == pytest.approx(duration + 0.5, abs=0.1)
+@needs_opengl
+def test_a_picture_is_written_completely_or_not_at_all(saved, refused, tmp_path) -> None:
+    (tmp_path / "file").write_text("earlier")
+    assert "file" in refused("view", saved("hand-flip"), "--png", tmp_path / "file" / "below.png")
+    assert os.listdir(tmp_path) == ["file"]
 
 
+@needs_opengl
 def test_a_cycle_is_served_and_painted(cycled, run, free_port, tmp_path) -> None:
     """The page's facts are its phases, each object's in order; a picture has the size of all."""
     done = run("view", cycled, "--port", free_port(), "--no-browser", "--hold", "0.05", "--json")
