@@ -10,6 +10,7 @@ import subprocess
 import sys
 import urllib.request
 from ctypes.util import find_library
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
