@@ -145,8 +145,9 @@ class UrdfChain:
 
     @property
     def length(self) -> float:
-        """Distance [m] from the first joint to the tool link along the links, its longest reach."""
-        return sum(math.hypot(*frame.xyz) for frame in self.frames()[1:])
+        """Distance [m] from the base link's frame to the tool link along the links, the longest
+        reach."""
+        return math.hypot(*self.origin) + sum(math.hypot(*frame.xyz) for frame in self.frames())
 
     def frames(self) -> tuple[JointFrame, ...]:
         """The arm's joint frames, then the hand's, each in the frame before, at angle 0.
