@@ -173,7 +173,10 @@ class Torque(Section):
         "N m, one per throwing joint; the arm's own where left out", above=0, most=1e6
     )
     rate: float | None = optional(
-        "N m/s, most change of any throwing joint's torque; left out: none", above=0, most=1e9
+        "N m/s, most change of any throwing joint's torque by the motion's commands, the object's "
+        "load fading linearly as the pads open; left out: none",
+        above=0,
+        most=1e9,
     )
     margin: float = quantity(
         "margin for smoothing and correction, as a share of the limits",

@@ -14,7 +14,7 @@ from ...problems import InputError, Pose, Scene, check_arguments
 from ...problems.files import filling, plain, write_json
 from .. import show
 from ..ocp import load_curve
-from ..throw import Manipulator, Throw, torque_limits
+from ..throw import TICK, Manipulator, Throw, torque_limits
 from ..uncertainty import DelayTolerance, RestCount, warnings
 from ..verdict import (
     CalibratedLanding,
@@ -171,8 +171,12 @@ class Plan:
         if throw is not None and arm is not None and torque_limits(self.scene) is not None:
             torques, rates = throw.deciding.torques, arm.limits.torque_rate
             limit = None if rates is None else min(rates)
-            use = float(torques.use.max())
-            more["torque"] = {"use": use, "rate": torques.rate, "rate_limit": limit}
+            more["torque"] = {
+                "use": float(torques.use.max()),
+                "rate": torques.rate,
+                "rate_limit": limit,
+                "load_step": throw.deciding.load_steps.tolist(),
+            }
         if self.scene.notes:
             more["notes"] = list(self.scene.notes)
         for name, claim in (("calibration", self.calibrated), ("rest", self.rests)):
@@ -261,7 +265,7 @@ class Plan:
             lines.append(f"  {', '.join(times)}")
             lines.append(f"  {self.throw.deciding.grip_words}")
         if "torque" in result and self.solved:
-            lines.append(f"  {_torque_words(**result['torque'])}")
+            lines.append(f"  {self._torque_words(**result['torque'])}")
         lines.append(
             f"  {solver['name']}, {solver['iterations']} iterations in {solver['attempts']} "
             f"solves, {self.variables} variables, {self.constraints} constraints, "
@@ -333,21 +337,35 @@ class Plan:
         position, angle = self.goal.miss(pose[0], pose[2])
         return plain({"position": abs(position), "angle": abs(angle)})
 
+    def _torque_words(
+        self, use: float, rate: float, rate_limit: float | None, load_step: list[float]
+    ) -> str:
+        """Torques, torque rates and load steps of the joints as text."""
+        words = (
+            f"joint torques at most {100 * use:.0f} % of their limits, torque rate of the motion's "
+            f"commands at most {rate:,.0f} N m/s"
+        )
+        if rate_limit is not None and rate > rate_limit:
+            words += (
+                f"\n  note: the arm's maker recommends at most {rate_limit:,.0f} N m/s: expect it "
+                "to depart from the\n"
+                f"        commanded motion, or plan with [torque] rate = {rate_limit:g}"
+            )
+        section = self.scene.torque
+        most = rate_limit if section is None or section.rate is None else section.rate
+        if most is not None and self.throw is not None and max(load_step) > most * TICK:
+            step = max(load_step)
+            worst = self.throw.manipulator.joints[load_step.index(step)]
+            words += (
+                f"\n  note: as the pads let go, {worst} loses a load of {step:.2f} N m in "
+                f"{1e3 * TICK:g} ms, more than\n        {most:,.0f} N m/s: a disturbance that the "
+                "controller feels, not a command; [torque] rate does not limit it"
+            )
+        return words
+
     def json(self) -> str:
         """`to_dict` as a JSON text."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False)
-
-
-def _torque_words(use: float, rate: float, rate_limit: float | None) -> str:
-    """Torques and torque rates of the joints as text."""
-    words = f"joint torques at most {100 * use:.0f} % of their limits"
-    if rate_limit is None or rate <= rate_limit:
-        return f"{words}, torque rate at most {rate:,.0f} N m/s"
-    return (
-        f"{words}, torque rate up to {rate:,.0f} N m/s\n  note: the arm's maker recommends at "
-        f"most {rate_limit:,.0f} N m/s: expect it to depart from the\n"
-        f"        commanded motion, or plan with [torque] rate = {rate_limit:g}"
-    )
 
 
 def sent_throw(plan: Plan) -> Throw:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core import TorquesC
 from ...models import Array, HandSamples, ReadOnly, Trajectory, held_wrench, read_only
+from ...models.release import Release
 from ...models.robot import PlanarArm, PlanarDynamics
 from ...problems import Scene, Torque
 from .manipulator import Manipulator
@@ -54,9 +55,10 @@ class Torques(ReadOnly):
 
     @cached_property
     def rate(self) -> float:
-        """Highest rate of change [N m/s] of any joint, from sample to sample.
+        """Highest rate of change [N m/s] of any joint by the motion's commands, between samples.
 
-        While the pads open, the load on the hand is assumed to fall linearly.
+        While the pads open, the load falls linearly, as a controller would be told. How the object
+        unloads the joints is in `load_steps`.
         """
         left = (self.detach - self.times) / (self.detach - self.opening)
         share = np.clip(left, 0.0, 1.0)[:, None]
@@ -97,6 +99,32 @@ def load_torques(
     free = _torques(scene, manipulator, motion, None)
     units = np.eye(3)[..., None] * np.ones(len(times))
     return free, np.array([_torques(scene, manipulator, motion, u) - free for u in units])
+
+
+def load_steps(
+    scene: Scene, manipulator: Manipulator, path: Trajectory, opening: float, release: Release
+) -> Array:
+    """Largest change (n,) [N m] within `TICK` of the torques by which the object loads the joints,
+    from the start of the opening at `opening` [s] to its end.
+
+    The load is the rate of the released object's momentum. It falls steeply: friction holds the
+    full weight until little of the grip force is left.
+    """
+    gravity, body = np.array([0.0, scene.gravity]), scene.body
+    times, middle = release.times, (release.times[1:] + release.times[:-1]) / 2
+    change = np.diff(release.com_twist, axis=1) / np.diff(times)
+    f_x, f_z = body.mass * (change[:2] + gravity[:, None])
+    hand = manipulator.hand(path).at(opening + middle)
+    x_r, z_r = (release.com[:2, 1:] + release.com[:2, :-1]) / 2 - hand.pose[:2]
+    wrench = np.array([f_x, f_z, body.inertia * change[2] - f_x * z_r + f_z * x_r])
+    _, by_force = load_torques(scene, manipulator, path, opening + middle)
+    torques = np.einsum("wjk,wk->jk", by_force, wrench)
+    # Held before, empty after.
+    knots = np.concatenate([[0.0], middle, [times[-1]]])
+    torques = np.column_stack([torques[:, 0], torques, np.zeros(len(torques))])
+    begin = np.arange(-TICK, times[-1], TICK / 20)
+    loads = [[np.interp(begin + late, knots, row) for late in (0.0, TICK)] for row in torques]
+    return np.asarray(np.abs(np.diff(loads, axis=1)).max(axis=(1, 2)))
 
 
 def rest_torques(scene: Scene, manipulator: Manipulator, q: Array, *, held: bool) -> Array:

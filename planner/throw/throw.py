@@ -26,7 +26,7 @@ from ...models.release import (
     shape_for_core,
 )
 from ...problems import InputError, Obstacle, Pose, Scene, check_arguments
-from .loads import Torques, core_torques, torques_of
+from .loads import Torques, core_torques, load_steps, torques_of
 from .manipulator import EXACT_HAND, HandError, Manipulator
 from .sending import NO_SAMPLES, TICK, Samples
 
@@ -189,6 +189,12 @@ class Throw:
     def torques(self) -> Torques:
         """Joint torques along the motion; for an arm with masses."""
         return torques_of(self.scene, self.manipulator, self.path, self.opening_time)
+
+    @cached_property
+    def load_steps(self) -> Array:
+        """Steps (n,) [N m] of the joints' load as the pads let go; for an arm with masses."""
+        release = self.release
+        return load_steps(self.scene, self.manipulator, self.path, self.opening_time, release)
 
     @check_arguments
     def miss(self, target: Pose | None = None) -> tuple[float, float]:

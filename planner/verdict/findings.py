@@ -297,7 +297,8 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     ),
     Code.TORQUE: lambda f: f"torque of {f.body}: {100 * f.value:.0f} % of its limit{_at(f)}",
     Code.TORQUE_RATE: lambda f: (
-        f"torque rate: {f.value:,.0f} N m/s, must be at most {f.limit:,.0f} N m/s"
+        f"torque rate of the motion's commands: {f.value:,.0f} N m/s, must be at most "
+        f"{f.limit:,.0f} N m/s"
     ),
     Code.KINEMATICS: lambda f: (
         f"the arm's frames put the hand {1e3 * f.value:.3g} mm from its pose in the planar model, "
