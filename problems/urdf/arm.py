@@ -240,8 +240,9 @@ def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
                     np.delete(posture, [arm.azimuth_joint - 1, *np.array(throwing) - 1])
                 )
                 postures.append((-len(throwing), float(turned.sum()), posture, throwing, normal))
-            others = set(arm.throwing_joints or range(1, arm.joints + 1)) - {*throwing}
-            tilts = [(j, *_tilt(arm, axes, normal, j)) for j in others - {arm.azimuth_joint}]
+            able = arm.throwing_joints or range(arm.azimuth_joint + 1, arm.joints + 1)
+            others = {*able} - {*throwing}
+            tilts = [(j, *_tilt(arm, axes, normal, j)) for j in others]
             misses += [tilt for tilt in tilts if tilt[1] < math.pi / 4]
             if normal is not None:
                 misses.append((arm.joints + 1, *_tilt(arm, axes, normal, None)))
@@ -261,7 +262,7 @@ def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
     if not postures:
         raise InputError(
             f"arm {arm.name}: its joints do not move the hand in the vertical plane of the azimuth "
-            f"joint: {min(misses, default=(0, 0.0, 'no other axis is level'))[2]}{CHANGE}"
+            f"joint: {min(misses, default=(0, 0.0, 'no axis behind it is level'))[2]}{CHANGE}"
         )
     first: Arm | None = None
     for _, _, posture, throwing, normal in sorted(postures, key=lambda each: each[:2]):

@@ -220,10 +220,13 @@ def chain_of(
             raise InputError(f"joint '{joint.name}' mimics '{joint.mimic.joint}': not supported")
     robot.update_cfg(dict.fromkeys(robot.actuated_joint_names, 0.0))
     begin = robot.get_transform(chosen[0].parent, base).copy()
-    upright = (joint.name for joint in chosen if _is_upright(robot, joint, base))
-    turning = next(upright, names[0])
-    if azimuth is not None:
-        turning = joint_named(names, "--azimuth", azimuth)
+    upright = [joint.name for joint in chosen if _is_upright(robot, joint, base)]
+    if azimuth is None and not upright:
+        raise InputError(
+            f"none of the joints {', '.join(names)} turns about the z axis of link '{base}', as "
+            "one must to turn the throw's vertical plane: choose another --base or --tool"
+        )
+    turning = upright[0] if azimuth is None else joint_named(names, "--azimuth", azimuth)
     x, y = np.round(robot.get_transform(robot.joint_map[turning].child, base)[:2, 3], 12) + 0.0
     place = np.array([x, y, 0.0])
     begin[:3, 3] -= place

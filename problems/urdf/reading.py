@@ -164,9 +164,8 @@ def _expanded(path: Path, arguments: Mapping[str, str]) -> ElementTree.Element:
 
     values = _Arguments(arguments)
     xacro.init_stacks(str(path.resolve()))  # else files beside it are sought in the working folder
-    if folders := [
-        name for name in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if name
-    ]:
+    folders = [name for name in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if name]
+    if folders:
         packages.look_in(folders)  # which xacrodoc leaves out where ROS 2 is installed
     try:
         # xacro prints warnings about the maker's style.
@@ -183,6 +182,11 @@ def _expanded(path: Path, arguments: Mapping[str, str]) -> ElementTree.Element:
                 f"its xacro argument '{name}' has no value: add {name}:=VALUE behind the file"
             ) from None
         if kind == "PackageNotFoundError":
+            # One without its package.xml, as for meshes.
+            places = [folder / name for folder in (*path.resolve().parents, *map(Path, folders))]
+            if found := next((place for place in places if place.is_dir()), None):
+                packages.update_package_cache({name: found})
+                return _expanded(path, arguments)
             raise InputError(
                 f"the ROS package '{name}' is not found: the environment variable ROS_PACKAGE_PATH "
                 "must name the folder that holds it"

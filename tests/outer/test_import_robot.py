@@ -533,6 +533,21 @@ def test_an_arm_that_no_scene_takes_is_refused_and_not_written(tmp_path, refused
     assert "pads 90.0 deg askew" in refused("import-robot", urdf, *words, "--out", out)
 
 
+def test_an_arm_without_an_upright_joint_is_refused_and_the_first_upright_one_turns_the_plane(
+    tmp_path, refused
+) -> None:
+    urdf, out = tmp_path / "arm.urdf", tmp_path / "arm.toml"
+    words = ["--tool", "ee", "--acceleration", "10", "--jerk", "1000"]
+    level = {name: (X if axis == UP else axis, at) for name, (axis, at) in LIFTING.items()}
+    urdf.write_text(chain_urdf(level, HAND))
+    line = refused("import-robot", urdf, *words, "--out", out)
+    assert "none of the joints a, b, c, d turns about the z axis of link 'l0'" in line
+    leaning = {"lean": (Y, "0 0 0.3")} | LIFTING
+    urdf.write_text(chain_urdf(leaning, HAND.replace('"l4"', '"l5"')))
+    arm = imported(tmp_path, urdf, [*leaning], *words)
+    assert (arm.azimuth_joint, arm.throwing_joints) == (2, (3, 4, 5))
+
+
 def test_a_proposal_that_fails_gives_way_to_the_next(tmp_path, refused, run) -> None:
     """The link that a name makes the likeliest hand points out of every plane."""
     aside = '<link name="tool"/><joint name="t" type="fixed"><parent link="l4"/>'

@@ -161,6 +161,12 @@ def test_a_xacro_s_missing_package_and_macros_alone_are_one_clear_line(
     (package / "a").write_text(f"<robot {XACRO}/>")
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(package.parent))
     assert run("import-robot", xacro(tmp_path, include), *words).status == 0
+    # The folder's name is enough, as for meshes.
+    bare = package.with_name("bare_arm")
+    bare.mkdir()
+    (bare / "a").write_text(f"<robot {XACRO}/>")
+    include = include.replace("my_arm", "bare_arm")
+    assert run("import-robot", xacro(tmp_path, include), *words, "--force").status == 0
     macros = tmp_path / "macros.xacro"
     macros.write_text(f'<robot {XACRO}><xacro:macro name="arm" params="a"/></robot>')
     line = refused("import-robot", macros, *words)
