@@ -24,6 +24,8 @@ DIGITS = 3
 #: Largest distance of a shape from its link's frame, and of a mesh outside its capsules, as shares
 #: of the arm's reach. Beyond these, units or places of meshes are wrong.
 EXTENT, MISS = 1.5, 0.1
+#: Distance [m] that is allowed for links that stand still, too: a short arm may hang on a mast.
+MAST = 2.0
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
     the arm include the cover, as distances between links do not. reach [m]: of the arm; InputError
     for shapes that do not fit it, see `EXTENT`.
     """
-    meshes, unread = link_meshes(chain, file, EXTENT * reach)
+    meshes, unread = link_meshes(chain, file, reach)
     capsules_found, clouds = list[LinkCapsule](), list[tuple[int, str, Array]]()
     aside = chain.beside
     for number in sorted(meshes):
@@ -88,13 +90,13 @@ def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
 
 
 def link_meshes(
-    chain: UrdfChain, file: Path, extent: float = math.inf
+    chain: UrdfChain, file: Path, reach: float = math.inf
 ) -> tuple[dict[int, dict[str, list[Any]]], dict[str, str]]:
     """Meshes (trimesh) of each URDF link, by the `LinkCapsule.link` whose frame they are in.
 
     A link's collision geometry, else its visual one; fingers in all their places. Also the names of
     links whose meshes are not read, each with a file that was not found, or "". file: the URDF, see
-    `_path`. InputError for a shape farther than extent [m] from its link's frame.
+    `_path`. InputError for a shape that does not fit an arm of that reach [m], see `EXTENT`.
     """
     robot, hand = chain.robot, len(chain.names) + 1
     frames, moved_by = chain.body_frames, chain.numbers
@@ -109,11 +111,11 @@ def link_meshes(
             unread[link.name] = str(error) if isinstance(error, _MissingMeshError) else ""
             continue
         far = max((np.linalg.norm(part.vertices, axis=1).max() for part in parts), default=0.0)
-        if far > extent:
+        if far > max(EXTENT * reach, 0.0 if number else MAST):
             raise InputError(
                 f"link '{link.name}': its shape reaches {far:.3g} m from the link's frame, farther "
-                f"than {EXTENT:g} times the arm's reach, {extent / EXTENT:.3g} m: correct its "
-                "mesh's scale or unit, or take the shape out of the URDF"
+                f"than {EXTENT:g} times the arm's reach, {reach:.3g} m: correct its mesh's scale "
+                "or unit, or take the shape out of the URDF"
             )
         frame, turn = frames[number]
         # Shares of the fingers' ranges.
