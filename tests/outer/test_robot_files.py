@@ -85,7 +85,8 @@ def test_limits_that_do_not_hold_the_arm_are_refused_by_import_and_scene(
     said = refused("import-robot", *words, lines=2)
     assert run("", *shlex.split(said.partition("to try: throwplan ")[2])).status == 0
     file.write_text(planar_urdf())
-    arm = imported(tmp_path, file, JOINTS, *ODD_OPTIONS, "--torque", "150")
+    palm = ["--palm", "0.08", "0.04", "0.03"]
+    arm = imported(tmp_path, file, JOINTS, *ODD_OPTIONS, *palm, "--torque", "150")
     text = (tmp_path / "arm.toml").read_text()
     weak_text = re.sub(r"(?m)^torque = \[.*?\]", "torque = [150.0, 1.0, 150.0, 150.0]", text)
     (tmp_path / "arm.toml").write_text(weak_text)
