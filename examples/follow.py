@@ -92,9 +92,9 @@ def recorded(arm: Arm, motion: JointMotion) -> Recording:
     still = np.repeat(motion.q[-1:], 400, axis=0)
     sent = np.vstack([motion.q, still])
     states = [(motion.q[0], 0 * motion.q[0]), *(arm.step(q) for q in sent[:-1])]
-    q, dq = (np.array(values) for values in zip(*states, strict=True))
+    q = np.array([joints for joints, _ in states])
     times = TICK * np.arange(len(sent))
-    return Recording(times, q, dq, sent, 0 * times, (motion.throw.command_time,))
+    return Recording(times, q, sent, (motion.throw.command_time,))
 
 
 def error(plan: Throw, q: np.ndarray, opening_time: float, cup: Cup) -> float:

@@ -1,116 +1,97 @@
-"""A relay in front of a simulated Franka that spoils what its gripper hears, or takes its place.
+"""A simulated Franka with another hand: connections to the arm go on to a server, the hand is
+franka-sim's server with parts to grasp.
 
-`relay.py HOST SERVER deaf`, `relay.py HOST SERVER DELAY ...` or `relay.py HOST SERVER hand GRASPS
-DROPPED AFTER`, with another hand: see `FakeHand`. A process of its own, since the binding of
-libfranka holds Python's lock while it connects.
+`relay.py HOST SERVER WIDTH GRASPS DROPPED AFTER`: see `PartsHand`. A process of its own, since the
+binding of libfranka holds Python's lock while it connects.
 """
 
 from __future__ import annotations
 
 import contextlib
-import itertools
+import math
 import socket
-import struct
 import sys
 import threading
 import time
-from collections.abc import Sequence
 
-from hands import FakeHand
-
-HEADER = struct.Struct("<HII")
-MOVE = 3
+from franka_sim.gripper.backend import GripperBackend, GripperStateData
+from franka_sim.gripper.server import FrankaGripperServer
 
 
-class Relay:
-    """At `host`, passes connections to robot and gripper at `server`.
+class PartsHand(GripperBackend):
+    """Moves 50 ms after a command.
 
-    delays [s]: by which openings reach the gripper, in turn; deaf: they never do. States go
-    directly, by UDP.
+    width [m]: at first; grasps: how many find an object of 20 mm, below 0: it never opens; dropped,
+    after [s]: the number of the grasp whose object it loses, and how long after it holds it.
     """
 
-    def __init__(
-        self,
-        host: str,
-        server: str,
-        delays: Sequence[float] = (0.0,),
-        *,
-        deaf: bool = False,
-        ports: Sequence[int] = (1337, 1338),
-    ) -> None:
-        self.server, self.delays, self.deaf = server, itertools.cycle(delays), deaf
-        # The simulated gripper's at first.
-        self.goal = 0.04
-        self._ports = [socket.create_server((host, port)) for port in ports]
-        for port in self._ports:
-            threading.Thread(target=self._accept, args=(port,), daemon=True).start()
+    def __init__(self, width: float, grasps: float, dropped: float, after: float) -> None:
+        self.width, self.grasps, self.dropped, self.after = width, grasps, dropped, after
+        self.grasped, self.drop = 0, math.inf
 
-    def _accept(self, port: socket.socket) -> None:
-        number = port.getsockname()[1]
-        while True:
-            try:
-                client = port.accept()[0]
-            except OSError:
-                return
-            # The server takes one client: it may still see the last one.
-            robot = socket.create_connection((self.server, number))
-            for end in (client, robot):
-                end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            orders = self._orders if number == 1338 else self._bytes
-            threading.Thread(target=orders, args=(client, robot), daemon=True).start()
-            threading.Thread(target=self._bytes, args=(robot, client), daemon=True).start()
+    def _go(self, goal: float, speed: float) -> bool:
+        time.sleep(0.05)
+        begin, start = time.monotonic(), self.width
+        while (way := speed * (time.monotonic() - begin)) < abs(goal - start):
+            self.width = start + math.copysign(way, goal - start)
+            time.sleep(1e-3)
+        self.width = goal
+        return True
 
-    @staticmethod
-    def _bytes(source: socket.socket, goal: socket.socket) -> None:
-        try:
-            while data := source.recv(65536):
-                goal.sendall(data)
-        except OSError:
-            pass
-        _end(source, goal)
+    def homing(self) -> bool:
+        """Not asked for."""
+        return False
 
-    def _orders(self, client: socket.socket, robot: socket.socket) -> None:
-        """Messages to the gripper, one by one."""
-        try:
-            while len(head := client.recv(HEADER.size, socket.MSG_WAITALL)) == HEADER.size:
-                command, _, size = HEADER.unpack(head)
-                payload = client.recv(size - HEADER.size, socket.MSG_WAITALL)
-                if command == MOVE:
-                    goal = struct.unpack_from("<d", payload)[0]
-                    opens = goal > self.goal
-                    self.goal = goal
-                    if opens and self.deaf:
-                        continue
-                    if opens:
-                        time.sleep(next(self.delays))
-                robot.sendall(head + payload)
-        except OSError:
-            pass
-        _end(client, robot)
+    stop = homing
 
-    def close(self) -> None:
-        """Take no more connections."""
-        for port in self._ports:
-            port.close()
+    def move(self, width: float, speed: float) -> bool:
+        """Open or close."""
+        if self.grasps < 0:
+            threading.Event().wait()
+        self.drop = math.inf
+        return self._go(width, speed)
+
+    def grasp(self, width: float, inner: float, outer: float, speed: float, force: float) -> bool:
+        """Close on an object, or on nothing."""
+        self.grasped += 1
+        self._go(0.02 if self.grasped <= self.grasps else 0.0, speed)
+        self.drop = time.monotonic() + (self.after if self.grasped == self.dropped else math.inf)
+        return width - inner < self.width < width + outer
+
+    def get_state(self) -> GripperStateData:
+        """The state now."""
+        if time.monotonic() > self.drop:
+            self.width = 0.0
+        return GripperStateData(self.width, 0.08, self.width == 0.02, 30)
 
 
-def _end(*sockets: socket.socket) -> None:
-    """End connections, also for a thread that waits for their data."""
-    for one in sockets:
+def forward(host: str, server: str, number: int) -> None:
+    """Pass connections to a port of `host` on to `server`."""
+    port = socket.create_server((host, number))
+    while True:
+        client = port.accept()[0]
+        robot = socket.create_connection((server, number))
+        for one in (client, robot):
+            one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for ends in ((client, robot), (robot, client)):
+            threading.Thread(target=_pass_on, args=ends, daemon=True).start()
+
+
+def _pass_on(source: socket.socket, goal: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        while data := source.recv(65536):
+            goal.sendall(data)
+    for one in (source, goal):
         with contextlib.suppress(OSError):
             one.shutdown(socket.SHUT_RDWR)
         one.close()
 
 
 if __name__ == "__main__":
-    (host, server, kind), numbers = sys.argv[1:4], [float(word) for word in sys.argv[4:]]
-    if kind == "hand":
-        grasps, *drops = numbers
-        FakeHand(host, [0.05], width=0.08, grasps=grasps, drops=(drops[0], drops[1]))
-        Relay(host, server, ports=[1337])
-    elif kind == "deaf":
-        Relay(host, server, deaf=True)
-    else:
-        Relay(host, server, [float(kind), *numbers])
+    host, server = sys.argv[1:3]
+    hand = FrankaGripperServer(host, backend=PartsHand(*map(float, sys.argv[3:])))
+    threading.Thread(target=hand.run_server, daemon=True).start()
+    while not hand.running:
+        time.sleep(0.01)
     print("ready", flush=True)
-    threading.Event().wait()
+    forward(host, server, 1337)

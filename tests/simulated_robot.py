@@ -11,7 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from throwplan.planner.robot import Franka, GripperState
+from throwplan.planner.robot import Franka, GripperReply, GripperState
+from throwplan.problems import InputError
 
 #: The usual pose of an FR3.
 HOME = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
@@ -73,11 +74,12 @@ class SimulatedRobot:
 
 
 class SimulatedHand:
-    """A gripper's link: `width_at(tick)` [m] until it is ordered to open or to grasp.
+    """A gripper's link: `width_at(tick)` [m] until it is told to open or to grasp.
 
-    opens, grasps: how many orders open it, 30 ms later, and how many close it on an object of
-    20 mm, 200 ms later; others leave it, and close it on nothing. drops: the number of the grasp
-    whose object it loses, how long after that [s].
+    opens, grasps: how many commands open it, in 30 ms, and how many close it on an object of 20 mm,
+    in 200 ms; other openings do not end, other grasps close it on nothing. drops: the number of the
+    grasp whose object it loses, how long after that [s]. ends: the tick at which its connection
+    ends.
     """
 
     host = "host"
@@ -91,14 +93,22 @@ class SimulatedHand:
         holds: bool = True,
         grasps: float = math.inf,
         drops: tuple[int, float] = (0, 0.0),
+        ends: float = math.inf,
     ) -> None:
         self.robot, self.width_at, self.opens, self.holds = robot, width_at, opens, holds
-        self.grasps, self.drops = grasps, drops
+        self.grasps, self.drops, self.ends = grasps, drops, ends
         self.orders: list[tuple[str, float]] = []
-        #: When orders came [s], by the robot's clock.
+        #: When commands came [s], by the robot's clock.
         self.times: list[float] = []
-        self.late = 0.0
-        self.states = [self.state()]
+        self._calls: list[tuple[str, float]] = []
+
+    @property
+    def pending(self) -> int:
+        """Calls that have not ended."""
+        return len(self._calls)
+
+    def _count(self, name: str) -> int:
+        return sum(command == name for command, _ in self.orders)
 
     def state(self) -> GripperState:
         """The state now."""
@@ -113,22 +123,39 @@ class SimulatedHand:
                 holds = counts["grasp"] <= self.grasps
                 holds &= counts["grasp"] != dropped or since < after
                 width = 0.02 if holds else 0.0
-        return GripperState(width, 0.08, holds, TICK * tick)
+        return GripperState(width, 0.08, holds)
 
-    #: It is homed.
-    homed_state = state
+    def call(self, name: str, *values: float, after: float = 0.0) -> None:
+        """Take a call; it ends at a time of the robot's clock."""
+        begin = TICK * self.robot.tick + after
+        if name != "read_once":
+            self.orders.append((name, values[0]))
+            self.times.append(begin)
+        stuck = name == "move" and self._count("move") > self.opens
+        lasts = {"read_once": TICK, "move": math.inf if stuck else 0.031, "grasp": 0.201}[name]
+        self._calls.append((name, begin + lasts))
 
-    def order(self, command: str, *values: float, after: float = 0.0) -> None:
-        """Take an order."""
-        self.orders.append((command, values[0]))
-        self.times.append(TICK * self.robot.tick + after)
-        self.states = self.states[-1:]
+    def reply(self, patience: float = 0.0) -> GripperReply | None:
+        """The reply to the first call, once it has ended; waiting passes the clock."""
+        if self.robot.tick > self.ends:
+            raise InputError("host: gripper: the connection ended")
+        end = self._calls[0][1] if self._calls else math.inf
+        if end > TICK * self.robot.tick + patience + 1e-9:
+            self.robot.tick += round(patience / TICK)
+            return None
+        self.robot.tick = max(self.robot.tick, math.ceil(end / TICK - 1e-6))
+        name, _ = self._calls.pop(0)
+        if name == "read_once":
+            return GripperReply(name, self.state())
+        return GripperReply(name, name == "move" or self._count("grasp") <= self.grasps)
 
-    def update(self, patience: float = 0.0) -> bool:
-        """A new state each time; waiting passes the clock."""
-        self.robot.tick += round(patience / TICK / 10)
-        self.states.append(self.state())
-        return True
+    def result(self, name: str, *values: float) -> GripperState | bool:
+        """Call and wait for the reply, 20 s at most."""
+        self.call(name, *values)
+        while (reply := self.reply(20.0)) is not None:
+            if not self.pending:
+                return reply.value
+        raise InputError("host: port 1338 is open and does not answer")
 
 
 def simulated(width_at: Callable[[int], float] = lambda tick: 0.02, **hand: Any) -> Franka:

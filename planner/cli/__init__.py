@@ -39,7 +39,6 @@ COMMANDS = {
     "export": (saved_plans.export_arguments, saved_plans.export),
     "import-robot": (import_robot.arguments, import_robot.run),
     "import-object": (import_object.arguments, import_object.run),
-    "measure-gripper": (robots.measure_gripper_arguments, robots.measure_gripper),
     "make-throws": (measured.make_throws_arguments, measured.make_synthetic),
     "identify": (measured.identify_arguments, measured.identify_models),
     "calibrate": (measured.calibrate_arguments, measured.calibrate_scene),

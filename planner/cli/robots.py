@@ -1,4 +1,4 @@
-"""Commands for robots: `run`, `correct`, `measure-gripper`."""
+"""Commands for robots: `run`, `correct`."""
 
 from __future__ import annotations
 
@@ -10,22 +10,12 @@ from itertools import islice
 from pathlib import Path
 
 from ...problems import InputError
-from ...problems.files import copy_out, filling, prepare_folder
+from ...problems.files import filling, prepare_folder
 from .. import robot
 from ..cycle import is_cycle
 from ..throw import TICK
 from ..verdict import outside_tolerance
-from .common import (
-    DONE,
-    Add,
-    Progress,
-    add_out,
-    integer,
-    new_toml_out,
-    print_result,
-    report_step,
-    written,
-)
+from .common import DONE, Add, add_out, integer, print_result, report_step, written
 from .saved_plans import add_plan, add_plan_or_cycle
 
 #: Questions before a throw and its rehearsal, and before those of a cycle.
@@ -105,6 +95,7 @@ def _rehearse(options: argparse.Namespace, plan: robot.JointMotion, sent: robot.
     question = QUESTIONS[plan.picks][1]
     with robot.connected(options.robot) as franka:
         found = robot.rehearse(franka, plan, sent, partial(_confirm, options.yes, question))
+    assert found.width is not None
     name, duration = plan.throw.scene.name, float(found.times[-1])
     lag, widths = float(abs(found.q - found.sent).max()), found.width[[0, -1]].tolist()
     text = (
@@ -166,8 +157,9 @@ def _confirm(yes: bool, question: str, words: str) -> None:
 def correct_arguments(add: Add) -> None:
     """The options of `correct`."""
     add_plan(add)
-    add("recording", metavar="RUN.CSV", help="a recording of the plan by `throwplan run`")
-    add_out(add, "the corrected motion in the files of `export --franka`")
+    words = "the joints sent and measured: t, sent1, ..., q1, ... [s, rad], or run.csv of `run`"
+    add("recording", metavar="RUN.CSV", help=words)
+    add_out(add, "the corrected motion: joints.csv, gripper.csv, of a Franka as `export --franka`")
 
 
 def correct(options: argparse.Namespace) -> int:
@@ -182,7 +174,7 @@ def correct(options: argparse.Namespace) -> int:
     sent, expected = robot.corrected(plan, recording)
     if options.out is not None:
         with filling(Path(options.out), robot.FRANKA_FILES) as scratch:
-            robot.write_franka(sent, scratch)
+            robot.write_motion(sent, scratch)
     dx, dtheta = map(abs, expected.miss())
     outside = outside_tolerance(expected.scene.tolerance, dx, dtheta)
     result = {
@@ -196,37 +188,4 @@ def correct(options: argparse.Namespace) -> int:
         f"{math.degrees(dtheta):.2f} deg, {'outside' if outside else 'within'} the tolerance"
     )
     print_result(options, result, text + written(options))
-    return DONE
-
-
-def measure_gripper_arguments(add: Add) -> None:
-    """The options of `measure-gripper`."""
-    add("--robot", metavar="HOST", required=True, help="address of a Franka robot")
-    words = "number of openings (default: 20)"
-    add("--times", type=integer(2, 1000), metavar="N", default=20, help=words)
-    add("--yes", action="store_true", help="move without confirmation")
-    words = "write the gripper file, for a scene's [gripper] file"
-    add("--out", metavar="FILE.toml", help=words)
-    add("--force", action="store_true", help="overwrite an existing file")
-
-
-def measure_gripper(options: argparse.Namespace) -> int:
-    """Measure the delay of an empty Franka Hand.
-
-    example: throwplan measure-gripper --robot 172.16.0.2 --times 20 --out my-hand.toml
-    """
-    path = None if options.out is None else new_toml_out(options)
-    _check_terminal(options)
-    question = "The gripper moves. Is it empty, and are all fingers away? [y/N] "
-    ask = partial(_confirm, options.yes, question)
-    with Progress(f"{options.robot}: measuring", "openings") as progress:
-        found = robot.measure_gripper(options.robot, options.times, ask, progress)
-    text = f"{options.robot}: {options.times} openings of the empty gripper. {found.words}"
-    if path is not None:
-        copy_out(found.text(), path, force=options.force)
-        text += f"\n  written to {path}; a scene takes it by [gripper] file, "
-        text += "if it has no force, dwell and opening of its own"
-    else:
-        text += f"\n\n{found.text()}"
-    print_result(options, found.to_dict() | {"file": options.out}, text)
     return DONE

@@ -79,7 +79,7 @@ def export(
     with ExitStack() as stack:
         if franka is not None:
             folder = filling(Path(franka), FRANKA_FILES, "--franka")
-            write_franka(motion, stack.enter_context(folder))
+            write_motion(motion, stack.enter_context(folder))
         if ros is not None:
             folder = filling(Path(ros), ROS_FILES, "--ros")
             write_ros(stack.enter_context(folder), joints, motion.samples, commands)
@@ -126,10 +126,16 @@ not opened; if it loses the object on the way; or if its connection fails: it ge
 command, the arm follows the next of the stops, and the program ends with one line."""
 
 
-def write_franka(motion: JointMotion, folder: Path) -> None:
-    """Write `FRANKA_FILES` into `folder`."""
+def write_motion(motion: JointMotion, folder: Path) -> None:
+    """Write joints.csv and gripper.csv into `folder`, of a Franka all `FRANKA_FILES`."""
     write_table(folder / "joints.csv", {"t": motion.times, "q": motion.q, "dq": motion.dq})
     (folder / "gripper.csv").write_text("\n".join(_gripper_rows(motion)) + "\n", encoding="utf-8")
+    if is_franka(motion.arm):
+        _write_franka(motion, folder)
+
+
+def _write_franka(motion: JointMotion, folder: Path) -> None:
+    """Write what a Franka's program needs beside joints.csv and gripper.csv."""
     write_json(folder / "franka.json", motion_facts(motion))
     if motion.picks:
         stops = find_stops(motion)

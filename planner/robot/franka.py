@@ -17,7 +17,7 @@ from ...problems import InputError
 from ...problems.arms import load_arm
 from ..throw import TICK
 from ..workers import check_host
-from .gripper import FORCES, OPEN_WIDTH, SPEED, GripperLink, GripperState
+from .gripper import FORCES, OPEN_WIDTH, SPEED, GripperLink, GripperState, load_franka
 from .gripper import PORT as GRIPPER_PORT
 from .motions import JointMotion, is_franka
 from .watch import GRASP_CHECK
@@ -42,15 +42,6 @@ CURES = {
     "discontinuity": "use a real-time kernel, and plan it again with larger margins",
     "violation": "plan it again with larger margins",
 }
-
-
-def load_franka() -> Any:
-    """The binding; InputError without it."""
-    try:
-        import pylibfranka
-    except ImportError:
-        raise InputError("--robot: needs pylibfranka: pip install pylibfranka") from None
-    return pylibfranka
 
 
 def cure_of(word: str) -> str:
@@ -84,7 +75,14 @@ class Franka:
             raise InputError(f"{self.host}: moves ({moving:.2f} rad/s), must be at rest: wait")
         check_arm(self.host, arm)
         _check_flange(self.host, arm, state)
-        return q, self.gripper.homed_state()
+        gripper = self.gripper.state()
+        if gripper.max_width < OPEN_WIDTH / 2:
+            width = 1e3 * gripper.max_width
+            raise InputError(
+                f"{self.host}: its gripper is not homed, or opens by {width:.0f} mm only: home it "
+                "in Desk"
+            )
+        return q, gripper
 
 
 @contextmanager

@@ -23,10 +23,8 @@ from .gripper import GRASP_TOLERANCE, MOVED, OPEN_WIDTH, SPEED, GripperLink, Gri
 from .learning import corrected
 from .motions import JointMotion
 from .recording import Recording
-from .watch import Stop, Watch, find_stops
+from .watch import Stop, Watch, equal, find_stops
 
-#: Time [s] in which the gripper ends a motion.
-GRIPPER_ENDS = 10.0
 #: Speed [m/s] of the fastest end of the capsules of arm, hand and held bar in a rehearsal: reduced
 #: speed, ISO 10218-1.
 REHEARSAL_SPEED = 0.25
@@ -58,7 +56,7 @@ def throws(
         )
         ask(words)
         # The object may have been lost while a person answered.
-        if not _equal(franka.gripper.state(), ready):
+        if not equal(franka.gripper.state(), ready):
             _restore(franka.gripper, ready, plan.carries[0].close.force)
         recording = play(franka, sent, way, stops)
         yield recording
@@ -101,7 +99,10 @@ def rehearse(
         f"{TICK * (len(slow) - 1):.1f} s; the gripper stays {1e3 * gripper.width:.0f} mm open\n"
         f"{Expectations(sent, way).swept_words}"
     )
-    return _send(franka, slow_way, slow, Watch(franka.gripper, gripper))
+    recording = _send(franka, slow_way, slow, Watch(franka.gripper, gripper))
+    if recording.trouble:
+        raise InputError(f"{franka.host}: {recording.trouble}")
+    return recording
 
 
 def _slowed(motion: JointMotion, q: Array) -> Array:
@@ -128,8 +129,7 @@ def play(franka: Franka, motion: JointMotion, way: Array, stops: list[Stop]) -> 
     rest at the goal.
     """
     watch = Watch(franka.gripper, franka.gripper.state(), motion, stops)
-    recording = _send(franka, way, motion.q, watch)
-    return dataclasses.replace(recording, trouble=watch.trouble or watch.unopened())
+    return _send(franka, way, motion.q, watch)
 
 
 def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
@@ -145,7 +145,10 @@ def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
             stream = _Stream(control, franka.binding.JointPositions)
             # The commands are made before the stream begins.
             first, then = stream.commands(way), stream.commands(q)
-            seen, sent = stream.send(first, way, watch.approach)
+            before = TICK * len(way)
+            seen, sent = stream.send(
+                first, way, lambda elapsed: watch.cycle(min(elapsed - before, -2 * TICK))
+            )
             if not watch.trouble:
                 seen, sent = stream.send(then, q, watch.cycle)
             stream.end(sent[-1])
@@ -154,15 +157,16 @@ def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
     if sent is way:
         raise InputError(f"{franka.host}: {watch.trouble}")
     times = np.array([elapsed for elapsed, _ in seen])
+    watch.finish(float(times[-1]))
     rows = np.minimum(np.rint(times / TICK).astype(int), len(sent) - 1)
     known = np.searchsorted([time for time, _ in watch.widths], times, "right") - 1
     return Recording(
         times,
         np.array([state.q for _, state in seen]),
-        np.array([state.dq for _, state in seen]),
         sent[rows],
+        tuple(watch.command_times),
         np.array([width for _, width in watch.widths])[known],
-        watch.command_times,
+        watch.trouble,
     )
 
 
@@ -178,15 +182,11 @@ def _approach_words(franka: Franka, motion: JointMotion, start: Array) -> str:
 def _changes(now: GripperState, ready: GripperState) -> str:
     """The gripper's action before the motion, in words."""
     what = "an object" if ready.holds else "nothing"
-    if _equal(now, ready):
+    if equal(now, ready):
         return f"is {1e3 * now.width:.0f} mm open and holds {what}"
     if ready.width > now.width:
         return f"opens to {1e3 * ready.width:.0f} mm before"
     return f"closes to {1e3 * ready.width:.0f} mm again, on {what}"
-
-
-def _equal(one: GripperState, other: GripperState) -> bool:
-    return one.holds == other.holds and abs(one.width - other.width) < MOVED
 
 
 def _restore(gripper: GripperLink, ready: GripperState, force: float) -> None:
@@ -194,17 +194,15 @@ def _restore(gripper: GripperLink, ready: GripperState, force: float) -> None:
     InputError if it lacks the object."""
     if ready.holds:
         tolerances = GRASP_TOLERANCE, GRASP_TOLERANCE
-        gripper.order("grasp", ready.width, *tolerances, SPEED, force)
+        gripper.result("grasp", ready.width, SPEED, force, *tolerances)
     else:
-        gripper.order("move", ready.width, SPEED)
-    result = gripper.result(GRIPPER_ENDS) or "does not end"
+        gripper.result("move", ready.width, SPEED)
     now = gripper.state()
-    if _equal(now, ready):
+    if equal(now, ready):
         return
     if ready.width > now.width + MOVED and not ready.holds:
-        raise InputError(f"{gripper.host}: opening its gripper {result}: see Desk for its state")
-    what = "its gripper holds nothing" if ready.holds else f"closing it {result}"
-    raise InputError(f"{gripper.host}: {what}: put the object between the pads")
+        raise InputError(f"{gripper.host}: its gripper does not open: see Desk for its state")
+    raise InputError(f"{gripper.host}: its gripper holds nothing: put the object between the pads")
 
 
 @dataclasses.dataclass(frozen=True)

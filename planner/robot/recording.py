@@ -1,4 +1,4 @@
-"""A robot's motion recorded at 1 kHz: its file, and its throw by the exact model.
+"""A robot's motion as it was recorded: its file, and its throw by the exact model.
 
 A throw depends on the joints' accelerations. A low-pass of the recording itself would distort them,
 so the low-pass is for the residuals of the fitted response only.
@@ -15,7 +15,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly, Trajectory, low_pass
 from ...problems import InputError, Scene, ThrowPlane
-from ...problems.files import read_csv
+from ...problems.files import csv_lines, read_csv
 from ..follow import Response
 from ..result import write_table
 from ..simulation import planar_joints
@@ -25,30 +25,34 @@ from .motions import JointMotion
 
 #: Cut-off [Hz] of the low-pass on the residuals of the fitted response.
 CUTOFF = 60.0
-#: An arm is at rest if every joint is slower than this [rad/s].
-REST_RATE = 0.02
+#: An arm is at rest if every joint is slower than this [rad/s]: sent from the first row to the
+#: second, measured at the end.
+START_RATE, END_RATE = 0.1, 0.02
+#: Largest difference [rad] of a joint to what is sent at the start.
+START_ERROR = 0.05
 #: Largest time [s] of the first row, before or after the start of the motion.
 EARLIEST = 60.0
-#: Largest time [s] between two rows: joints are interpolated.
-GAP = 0.1
+#: Largest time [s] between rows, in the median and between two: joints are interpolated.
+STEP, GAP = 0.01, 0.1
+#: Without a column `since_command`, what was sent is the plan's motion within this [rad].
+AS_PLANNED = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Recording(ReadOnly):
-    """An arm's joints while it threw, at 1 kHz from rest on.
+    """An arm's joints while it threw, from rest on.
 
-    times (N,) [s] of the robot's clock, 0 where the first sample went out; q, dq [rad, rad/s]
-    measured and sent [rad] commanded, each (N, joints); width (N,) [m] of the gripper as it was
-    last known; command_times [s]: when opening commands went out, of a plan one, none if it did
-    not; trouble: what went wrong, in words, empty if nothing did.
+    times (N,) [s] of the robot's clock, 0 where the first sample went out; q measured and sent
+    commanded [rad], each (N, joints); command_times [s]: when opening commands went out, of a plan
+    one, none if it did not; width (N,) [m]: of the gripper as it was last known, if it is;
+    trouble: what went wrong, in words, empty if nothing did.
     """
 
     times: Array
     q: Array
-    dq: Array
     sent: Array
-    width: Array
     command_times: tuple[float, ...]
+    width: Array | None = None
     trouble: str = ""
 
     @property
@@ -74,22 +78,27 @@ class Recording(ReadOnly):
             raise InputError(
                 f"the recording ends at {last:.3f} s, before the pads are open ({detach:.3f} s)"
             )
-        rate, error = np.abs(self.dq[0]), np.abs(self.q[0] - self.sent[0])
-        if rate.max() > REST_RATE or error.max() > 0.05:
+        rate = np.abs(self.sent[1] - self.sent[0]) / (self.times[1] - self.times[0])
+        error = np.abs(self.q[0] - self.sent[0])
+        if rate.max() > START_RATE or error.max() > START_ERROR:
             raise InputError("the recording does not begin at rest on the start pose")
         times, q, sent = self.throwing(plan)
         response = Response.fitted(sent, q).all(sent)
         measured = response + low_pass(times, q - response, CUTOFF)[1]
-        end, speeds = float(times[-1]), np.abs(self.dq[-1])
-        if speeds.max() < REST_RATE:
+        # The slope at the end of a cubic through the last 20 ms: noise hardly changes it.
+        end, last = float(times[-1]), q[-20:]
+        speeds = np.abs(np.polyfit(TICK * np.arange(1 - len(last), 1), last, 3)[-2])
+        if speeds.max() < END_RATE:
             # At rest it stays there for 2 s, longer than objects fly.
             times = np.linspace(0.0, end + TICK * 2000, len(times) + 2000)
             measured = np.pad(measured, ((0, 2000), (0, 0)), "edge")
         path = Trajectory.through(times, measured)
         throw = Throw(plan.scene, manipulator, path, opening_time, model=plan.model)
         if throw.lands and path.end < throw.landing_time:
+            assert plan.scene.arm is not None
+            joint = plan.scene.arm.throwing_joints[speeds.argmax()]
             raise InputError(
-                f"the recording ends at {end:.3f} s while joint {speeds.argmax() + 1} still moves "
+                f"the recording ends at {end:.3f} s while joint {joint} still moves "
                 f"({speeds.max():.2f} rad/s), before the object lands ({throw.landing_time:.3f} "
                 "s): record until the arm rests, or until the landing"
             )
@@ -114,8 +123,8 @@ class Recording(ReadOnly):
         joints = [j - 1 for j in arm.throwing_joints]
         ticks = int(self.times[-1] / TICK + 1e-6)
         even = np.linspace(0.0, TICK * ticks, ticks + 1)
-        measured = interpolated(even, self.times, q)
-        return even, measured, interpolated(even, self.times, self.sent[:, joints])
+        measured = smooth(even, self.times, q)
+        return even, measured, smooth(even, self.times, self.sent[:, joints])
 
     def to_dict(self, motion: JointMotion) -> dict[str, Any]:
         """The recording as JSON, of a plan with its throw: SI units, radians.
@@ -123,8 +132,9 @@ class Recording(ReadOnly):
         lag [rad]: largest difference of a joint to its command; width [m]: of the gripper, before
         and after; command_times [s]: of a cycle's openings.
         """
-        lag, ends = np.abs(self.q - self.sent).max(), self.width[[0, -1]].tolist()
-        found: dict[str, Any] = {"lag": float(lag), "width": ends}
+        found: dict[str, Any] = {"lag": float(np.abs(self.q - self.sent).max())}
+        if self.width is not None:
+            found["width"] = self.width[[0, -1]].tolist()
         if motion.picks:
             picks = [carry.pick for carry in motion.carries[: len(self.command_times)]]
             return found | {"thrown": picks, "command_times": list(self.command_times)}
@@ -193,10 +203,12 @@ class Recording(ReadOnly):
 
     def save(self, path: Path) -> None:
         """Write run.csv."""
-        columns = {"t": self.times, "q": self.q, "dq": self.dq, "sent": self.sent}
+        columns = {"t": self.times, "q": self.q, "sent": self.sent}
         commands = np.array(self.command_times or (math.nan,))
         last = np.maximum(np.searchsorted(commands, self.times, "right") - 1, 0)
-        columns |= {"width": self.width, "since_command": self.times - commands[last]}
+        columns["since_command"] = self.times - commands[last]
+        if self.width is not None:
+            columns["width"] = self.width
         write_table(path, columns)
 
 
@@ -205,33 +217,55 @@ def interpolated(times: Array, known: Array, values: Array) -> Array:
     return np.column_stack([np.interp(times, known, column) for column in values.T])
 
 
+def smooth(times: Array, known: Array, values: Array) -> Array:
+    """Values (N, n) at `known` times (N,), by cubic splines at others (K,); constant before."""
+    from scipy.interpolate import CubicSpline
+
+    return np.asarray(CubicSpline(known, values)(np.maximum(times, known[0])))
+
+
 def read_recording(path: str | Path, motion: JointMotion) -> Recording:
-    """A run.csv of the plan's arm; InputError for a file that does not fit it."""
+    """A CSV of a plan's motion by its arm; InputError for a file that does not fit the plan.
+
+    Columns: t [s], 0 where the first sample went out; q1, q2, ... measured and sent1, sent2, ...
+    commanded [rad], of all joints; since_command [s] may be left out where the plan's own motion
+    was sent: then the opening command went out at the plan's time. Others are not read.
+    """
     joints = range(1, motion.arm.joints + 1)
-    names = [f"{name}{j}" for name in ("q", "dq", "sent") for j in joints]
-    columns = ("t", *names, "width", "since_command")
-    rows = read_csv("recording", str(path), None, columns)
-    if len(rows) < 2 or (np.diff(rows[:, 0]) <= 0).any():
+    columns = ("t", *(f"{name}{j}" for name in ("q", "sent") for j in joints))
+    timed = "since_command" in csv_lines(Path(path))[0]
+    rows = read_csv("recording", str(path), None, (*columns, *["since_command"] * timed))
+    times, (q, sent) = rows[:, 0], np.split(rows[:, 1 : len(columns)], 2, axis=1)
+    if len(rows) < 2 or (np.diff(times) <= 0).any():
         raise InputError(f"{path}: t must rise over at least two rows")
-    step = float(np.median(np.diff(rows[:, 0])))
-    if not TICK / 2 < step < 2 * TICK:
-        raise InputError(f"{path}: t rises by {step:.3g} s a row, must rise by {TICK:g} s mostly")
-    if abs(rows[0, 0]) > EARLIEST:
+    step = float(np.median(np.diff(times)))
+    if step > STEP:
+        raise InputError(f"{path}: t rises by {step:.3g} s a row, must rise by at most {STEP:g} s")
+    if abs(times[0]) > EARLIEST:
         raise InputError(
-            f"{path}: t begins at {rows[0, 0]:g} s: must count from the start of the motion"
+            f"{path}: t begins at {times[0]:g} s: must count from the start of the motion"
         )
-    gap = int(np.diff(rows[:, 0]).argmax())
-    if rows[gap + 1, 0] - rows[gap, 0] > GAP:
+    gap = int(np.diff(times).argmax())
+    if times[gap + 1] - times[gap] > GAP:
         raise InputError(
-            f"{path}: no row from t = {rows[gap, 0]:g} to {rows[gap + 1, 0]:g} s: must be at most "
+            f"{path}: no row from t = {times[gap]:g} to {times[gap + 1]:g} s: must be at most "
             f"{GAP:g} s"
         )
-    q, dq, sent = np.split(rows[:, 1:-2], 3, axis=1)
-    command = float(rows[0, 0] - rows[0, -1])
-    if command < rows[0, 0] - TICK:
-        words = "must be at most 0 in the first row: the command comes after it"
-        raise InputError(f"{path}: since_command = {rows[0, -1]:g}: {words}")
-    recording = Recording(rows[:, 0], q, dq, sent, rows[:, -2], (command,))
+    command = motion.throw.command_time
+    if timed:
+        command = float(times[0] - rows[0, -1])
+        if command < times[0] - TICK:
+            words = "must be at most 0 in the first row: the command comes after it"
+            raise InputError(f"{path}: since_command = {rows[0, -1]:g}: {words}")
+    else:
+        off = np.abs(sent - interpolated(times, motion.times, motion.q)).max(axis=0)
+        if off.max() > AS_PLANNED:
+            raise InputError(
+                f"{path}: sent{off.argmax() + 1} is up to {off.max():.3f} rad off the plan's "
+                "motion: give t from its start, or a column since_command, the time since the "
+                "gripper's opening command [s]"
+            )
+    recording = Recording(times, q, sent, (command,))
     try:
         recording.throw(motion.throw)
     except InputError as error:

@@ -13,11 +13,14 @@ from ...models import Array
 from ...problems import InputError
 from ..throw import TICK, braked, joint_limits
 from ..verdict import motion_verdict
-from .gripper import MOVED, SPEED, GripperLink, GripperState
+from .gripper import MOVED, SPEED, GripperLink, GripperReply, GripperState
 from .motions import Carry, JointMotion
 
-#: Time [s] after a motion in which the gripper must have begun to open.
+#: Time [s] after a motion in which the gripper must have opened.
 UNOPENED = 3.0
+#: Time before a command, in longest reads until then, in which the width is not read: a read lasts
+#: until the next report, on a Franka Hand 0.1 s, and the command would wait for it.
+UNREAD = 2.0
 #: Distance [samples] of the instants at which the arm may stop on the way, and shortest notice.
 STOPS, NOTICE = 10, 2
 #: Time [samples] before the arm leaves a pick at which the grasp is checked: it can still stop.
@@ -37,7 +40,9 @@ class Watch:
     """The gripper during a motion: its commands in time, its width, and what goes wrong.
 
     before: its state before the motion, which it keeps without one; motion: with commands; stops:
-    of the motion, from `find_stops`.
+    of the motion, from `find_stops`. trouble: what went wrong, in words; empty while nothing has.
+    widths: times [s] and widths [m] read; command_times [s]: when opening commands went out, by the
+    robot's clock, 0 at the first sample.
     """
 
     def __init__(
@@ -47,18 +52,21 @@ class Watch:
         motion: JointMotion | None = None,
         stops: Sequence[Stop] = (),
     ) -> None:
-        self.gripper = gripper
-        #: What went wrong, in words; empty while nothing has.
-        self.trouble = ""
-        # When opening commands went out; when the last one did, or NaN if that is among them.
-        self._command_times, self._commanded = list[float](), math.nan
-        self.widths = [(0.0, before.width)]
+        self.gripper, self.trouble = gripper, ""
+        self.widths, self.command_times = [(-math.inf, before.width)], list[float]()
         self._stops = stops
-        # The object in the hand, empty without one; the state that must last, if one must.
+        # When [s] the last read began; the longest one [s].
+        self._read, self._longest = 0.0, 0.0
+        # The object in the hand, empty without one; the state that must last: None before it is
+        # read; whether one must.
         self._object = "" if motion is None or motion.picks else motion.carries[0].name
         self._kept: GripperState | None = before
+        self._keeps = True
+        # Whether the last command has succeeded; None until it ends.
+        self._done: bool | None = None if motion is not None else True
         # What is due when [s]; each is called with the time since the first sample.
         self._schedule = [] if motion is None else list(self._actions(motion))
+        self._commands = [] if motion is None else [command.time for command in motion.commands]
 
     def _actions(self, motion: JointMotion) -> Iterator[tuple[float, Callable[[float], None]]]:
         """Commands and checks in turn, each with its time [s]."""
@@ -70,33 +78,28 @@ class Watch:
             if carry.due is not None:
                 yield TICK * carry.due, partial(self._check_opening, carry)
 
-    def approach(self, elapsed: float) -> None:
-        """Called in each cycle of the way to the start pose: look at the width."""
-        if self._has_report():
-            self._look("on the way to the start pose", "nothing was thrown")
-
     def cycle(self, elapsed: float) -> Stop | None:
         """Called in each cycle: give the commands that are due in it, and look at the width.
 
-        Returns where to stop if something went wrong, once.
+        elapsed [s]: since the first sample, on the way to the start pose below 0. Returns where to
+        stop if something went wrong, once.
         """
         while self._schedule and elapsed + TICK > self._schedule[0][0] and not self.trouble:
             self._schedule.pop(0)[1](elapsed)
-        if self._has_report():
-            self.widths.append((elapsed, self.gripper.states[-1].width))
-            self._look(f"{elapsed:.2f} s after the start", "the arm braked without an opening")
-        if not self.trouble:
+        with self._failures():
+            reply = self.gripper.reply()
+            if reply is not None:
+                self._take(reply, elapsed)
+            ahead = self._commands[0] - elapsed if self._commands else math.inf
+            if not self.gripper.pending and ahead > UNREAD * self._longest + TICK:
+                self._read = elapsed
+                self.gripper.call("read_once")
+        if not self.trouble or elapsed < 0.0:
             return None
         sample = round(elapsed / TICK) + NOTICE
         stop = next((stop for stop in self._stops if stop.sample >= sample), None)
         self._stops = () if stop is not None else self._stops
         return stop
-
-    def _has_report(self) -> bool:
-        """Whether a width has arrived."""
-        with self._failures():
-            return self.gripper.update()
-        return False
 
     @contextlib.contextmanager
     def _failures(self) -> Iterator[None]:
@@ -106,90 +109,95 @@ class Watch:
         except InputError as error:
             self.trouble = self.trouble or str(error)
 
+    def _take(self, reply: GripperReply, elapsed: float) -> None:
+        """Take the result of a command, or look at the width."""
+        if isinstance(reply.value, GripperState):
+            self._longest = max(self._longest, elapsed - self._read)
+            self.widths.append((elapsed, reply.value.width))
+            self._look(reply.value, elapsed)
+            return
+        self._done = reply.value
+        if reply.name == "move":
+            self.command_times[-1] += reply.late
+
+    def _command(self, after: float, name: str, *values: float) -> None:
+        """Command the gripper in `after` [s]; its process waits for the rest of the cycle."""
+        self._keeps, self._done = False, None
+        self._commands.pop(0)
+        self.gripper.call(name, *values, after=max(after, 0.0))
+
     def _close(self, carry: Carry, elapsed: float) -> None:
         """Command the grasp of an object."""
-        command = carry.close
-        values = command.width, command.tolerance, command.tolerance, SPEED, command.force
-        # The gripper's process waits for the rest of the cycle.
-        wait = max(command.time - elapsed, 0.0)
-        self._kept = None
-        self._command_times, self._commanded = [*self.command_times], math.nan
+        one = carry.close
+        values = one.width, SPEED, one.force, one.tolerance, one.tolerance
         with self._failures():
-            self.gripper.order("grasp", *values, after=wait)
+            self._command(one.time - elapsed, "grasp", *values)
 
     def _check_grasp(self, carry: Carry, elapsed: float) -> None:
         """Keep in words that the hand does not hold the object, if it does not."""
-        self._object, command, now = carry.name, carry.close, self.gripper.states[-1]
-        if now.holds and abs(now.width - command.width) < command.tolerance:
-            self._kept = now
+        if self._done:
+            self._object, self._kept, self._keeps = carry.name, None, True
             return
-        low, high = command.width - command.tolerance, command.width + command.tolerance
+        one = carry.close
+        low, high = 1e3 * (one.width - one.tolerance), 1e3 * (one.width + one.tolerance)
         self.trouble = (
-            f"{carry.name} was not grasped: {elapsed - command.time:.2f} s after its command the "
-            f"gripper is {1e3 * now.width:.0f} mm wide and holds "
-            f"{'something' if now.holds else 'nothing'}, must hold {1e3 * low:.0f} to "
-            f"{1e3 * high:.0f} mm; the arm stopped at the pick: put the object there, or plan with "
-            "a longer grasp_time"
+            f"{carry.name} was not grasped: {elapsed - one.time:.2f} s after its command the "
+            f"gripper {'closes still' if self._done is None else 'holds nothing'} between "
+            f"{low:.0f} and {high:.0f} mm; the arm stopped at the pick: put the object there, or "
+            "plan with a longer grasp_time"
         )
 
     def _open(self, carry: Carry, elapsed: float) -> None:
         """Command the opening for a throw."""
-        wait = max(carry.open.time - elapsed, 0.0)
         with self._failures():
-            self.gripper.order("move", carry.open.width, SPEED, after=wait)
-            self._commanded = elapsed + wait
-        self._kept = None
-
-    @property
-    def command_times(self) -> tuple[float, ...]:
-        """When opening commands went out, by the robot's clock [s], 0 at the first sample."""
-        last = () if math.isnan(self._commanded) else (self._commanded + self.gripper.late,)
-        return (*self._command_times, *last)
+            self._command(carry.open.time - elapsed, "move", carry.open.width, SPEED)
+            self.command_times.append(max(carry.open.time, elapsed))
 
     def _check_opening(self, carry: Carry, elapsed: float) -> None:
         """Keep in words that the gripper has not opened before the next pick, if it has not."""
-        if not self._is_open:
-            late = elapsed - carry.open.time
-            words = self._unopened_words(f"{late:.2f} s after its command", "braked")
-            self.trouble = f"{carry.pick} was not thrown: {words}"
+        if not self._done:
+            after = f"{elapsed - carry.open.time:.2f} s after its command; the arm braked"
+            self.trouble = f"{carry.pick} was not thrown: {self._unopened_words(after)}"
 
-    def _look(self, when: str, then: str) -> None:
+    def _look(self, now: GripperState, elapsed: float) -> None:
         """Keep in words that the gripper has lost the object, if it has."""
-        now, kept = self.gripper.states[-1], self._kept
-        if kept is None or self.trouble:
+        if not self._keeps or self.trouble:
             return
-        if abs(now.width - kept.width) < MOVED and now.holds >= kept.holds:
+        kept, self._kept = self._kept, self._kept or now
+        if now.holds if kept is None else equal(now, kept):
             return
-        what = f"went from {1e3 * kept.width:.0f} to {1e3 * now.width:.0f} mm"
-        words = f"the gripper {what}; {then}: grasp it better"
-        self.trouble = f"{self._object} was lost {when}: {words}"
+        change = f"is {1e3 * now.width:.0f} mm wide and holds {'some' if now.holds else 'no'}thing"
+        if kept is not None:
+            change = f"went from {1e3 * kept.width:.0f} to {1e3 * now.width:.0f} mm"
+        when, then = f"{elapsed:.2f} s after the start", "the arm braked without an opening"
+        if elapsed < 0.0:
+            when, then = "on the way to the start pose", "nothing was thrown"
+        self.trouble = f"{self._object} was lost {when}: the gripper {change}; {then}"
         if not self._object:
-            self.trouble = f"the gripper moved by itself: it {what}: see Desk for its state"
+            self.trouble = f"the gripper moved by itself: it {change}: see Desk for its state"
 
-    @property
-    def _is_open(self) -> bool:
-        """Whether the gripper has begun to open since its last command."""
-        # The first state is the last one before the command.
-        states = self.gripper.states
-        return max(state.width for state in states) >= states[0].width + MOVED
-
-    def unopened(self) -> str:
-        """What is wrong with a gripper that has not opened after its last command, in words."""
+    def finish(self, elapsed: float) -> None:
+        """After the motion: wait until the last opening has ended, and read the width; keep in
+        words that the gripper has not opened."""
+        if self.trouble:
+            return
         with self._failures():
-            end = self.gripper.states[-1].time + UNOPENED
-            while not self._is_open:
-                # Without a report nobody knows whether it has opened.
-                if self.gripper.states[-1].time > end or not self.gripper.update(UNOPENED):
-                    after = f"{UNOPENED:g} s after the throw"
-                    return self._unopened_words(after, "stopped by its planned brake")
-        return self.trouble
+            while self._done is None and (reply := self.gripper.reply(UNOPENED)) is not None:
+                self._take(reply, elapsed)
+            if not self._done:
+                after = f"{UNOPENED:g} s after the throw; the arm stopped by its planned brake"
+                self.trouble = self._unopened_words(after)
+            else:
+                self.widths.append((elapsed, self.gripper.state().width))
 
-    def _unopened_words(self, after: str, then: str) -> str:
-        width = 1e3 * self.gripper.states[-1].width
-        return (
-            f"the gripper did not open: {width:.0f} mm wide {after}; the arm {then}: see Desk for "
-            "the gripper's state"
-        )
+    def _unopened_words(self, after: str) -> str:
+        what = "is on its way" if self._done is None else "has failed"
+        return f"the gripper did not open, its command {what} {after}: see Desk for its state"
+
+
+def equal(one: GripperState, other: GripperState) -> bool:
+    """Whether two states hold as much and differ in the width by noise only."""
+    return one.holds == other.holds and abs(one.width - other.width) < MOVED
 
 
 def find_stops(motion: JointMotion) -> list[Stop]:

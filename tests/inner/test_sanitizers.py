@@ -43,8 +43,7 @@ while (sent := session.throw.samples) and session.update(
 from throwplan.planner.robot import Recording, joint_motion
 tp.plan("fr3", patience=60.0).save(folder, draw=False)
 motion = joint_motion(folder)
-width, opening = 0 * motion.times, motion.throw.command_time
-seen = Recording(motion.times, motion.q, motion.dq, motion.q, width, (opening,))
+seen = Recording(motion.times, motion.q, motion.q, (motion.throw.command_time,))
 assert seen.to_dict(motion)["succeeds"]
 """,
 }

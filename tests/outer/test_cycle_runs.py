@@ -100,7 +100,7 @@ def test_an_empty_grasp_stops_the_arm_at_its_pick(motion, grasps) -> None:
     recording, sent, _ = one_run(franka, motion)
     carry = motion.carries[grasps]
     assert recording.trouble.startswith(f"{carry.pick} was not grasped: ")
-    assert "is 0 mm wide and holds nothing, must hold 15 to 25 mm" in recording.trouble
+    assert "holds nothing between 15 and 25 mm" in recording.trouble
     assert f"(pick {grasps + 1} of 2)" in recording.trouble
     assert sent[-1] == pytest.approx(motion.q[carry.reach])
     assert len(recording.command_times) == grasps
@@ -150,9 +150,7 @@ def test_a_gripper_that_stays_closed_keeps_the_arm_from_the_next_pick(motion, op
     franka = opened(opens=opens)
     recording, sent, _ = one_run(franka, motion)
     name = motion.carries[opens].pick
-    words = f"{name} was not thrown: the gripper did not open: 20 mm wide "
-    assert recording.trouble.startswith(words)
-    assert "; the arm braked: " in recording.trouble
+    assert recording.trouble.startswith(f"{name} was not thrown: the gripper did not open")
     assert franka.gripper.orders[-1][0] == "move"
     assert np.abs(sent[-1] - motion.q[-1]).max() > 0.05
     assert len(recording.command_times) == opens + 1
@@ -160,35 +158,23 @@ def test_a_gripper_that_stays_closed_keeps_the_arm_from_the_next_pick(motion, op
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.5, 0.6])
-def test_a_connection_that_ends_stops_the_arm(motion, monkeypatch, share) -> None:
+def test_a_connection_that_ends_stops_the_arm(motion, share) -> None:
     """At a pick, in a swing, on the way to the next pick."""
-    franka = opened()
-    update = franka.gripper.update
-
-    def failing(patience: float = 0.0) -> bool:
-        if franka.gripper.times and TICK * franka.robot.tick > (
-            franka.gripper.times[0] + share * motion.times[-1]
-        ):
-            raise InputError("host: gripper: the connection ended: see Desk for its state")
-        return update(patience)
-
-    monkeypatch.setattr(franka.gripper, "update", failing)
-    recording, *_ = one_run(franka, motion)
+    first = motion.carries[0].reach + len(approach(motion, simulated().robot.q)) + 100
+    recording, *_ = one_run(opened(ends=first + share * len(motion.q)), motion)
     assert "the connection ended" in recording.trouble
-    assert len(recording.times) < share * len(motion.q) + 600
+    assert len(recording.times) < share * len(motion.q) + first + 600
 
 
 def test_the_hand_is_empty_before_a_cycle_and_opened(motion) -> None:
     with pytest.raises(InputError, match="the gripper holds an object: take it out"):
         one_run(simulated(), motion)
     franka = simulated(lambda tick: 0.01, holds=False)
-    franka.gripper.result = lambda patience: setattr(franka.robot, "tick", 50) or "done"
     recording, _, asked = one_run(franka, motion)
     assert recording.trouble == "" and "the gripper opens to 80 mm before" in asked[0]
     assert [name for name, _ in franka.gripper.orders] == ["move", *["grasp", "move"] * 2]
     stuck = simulated(lambda tick: 0.01, holds=False, opens=0)
-    stuck.gripper.result = lambda patience: "failed"
-    with pytest.raises(InputError, match="opening its gripper failed: see Desk for its state"):
+    with pytest.raises(InputError, match="does not answer"):
         one_run(stuck, motion)
     assert not stuck.robot.sent
 

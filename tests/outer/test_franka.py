@@ -17,11 +17,10 @@ import pytest
 import throwplan as tp
 from throwplan.planner.reach import reach_map
 from throwplan.planner.robot import approach, joint_motion
-from throwplan.problems.arms import load_gripper
 
 HOST = "127.0.19.1"
-#: Addresses of relays in front of it.
-SLOW, DEAF, HANDY = "127.0.19.2", "127.0.19.3", "127.0.19.4"
+#: Address at which its arm has another hand.
+HANDY = "127.0.19.4"
 
 
 @pytest.fixture(scope="module")
@@ -43,10 +42,11 @@ def robot() -> Iterator[str]:
 
 
 @contextmanager
-def relayed(host: str, robot: str, *words: object) -> Iterator[None]:
-    """A relay at `host` in front of the robot, see tests/relay.py."""
+def with_hand(robot: str, *hand: float) -> Iterator[None]:
+    """The robot with another hand at `HANDY`, see tests/relay.py."""
+    pytest.importorskip("franka_sim")
     file = Path(__file__).parent.parent / "relay.py"
-    order = [sys.executable, str(file), host, robot, *map(str, words)]
+    order = [sys.executable, str(file), HANDY, robot, *map(str, hand)]
     with subprocess.Popen(order, stdout=subprocess.PIPE, text=True) as relay:
         assert relay.stdout is not None and "ready" in relay.stdout.readline()
         try:
@@ -105,21 +105,6 @@ def test_a_robot_throws_and_what_it_did_is_recorded(robot, saved, tmp_path, run,
 
 
 @pytest.mark.slow
-def test_a_set_delay_is_found_behind_a_relay(robot, tmp_path, run) -> None:
-    """80 ms in the mean, up to 15 ms earlier and later; the simulated hand adds less than 2 ms."""
-    delays = (0.065, 0.095, 0.069, 0.091, 0.073, 0.087, 0.077, 0.083)
-    file = tmp_path / "hand.toml"
-    with relayed(SLOW, robot, *delays):
-        said = run("measure-gripper --yes --json --times 8 --robot", SLOW, "--out", file)
-    assert said.status == 0, said.err
-    assert said.json["delay"]["mean"] == pytest.approx(0.080, abs=0.005)
-    # A busy machine may hold one of them back.
-    off = np.array(said.json["delay"]["samples"]) - np.array(delays)
-    assert np.median(np.abs(off)) < 0.005
-    assert load_gripper(str(file)).dwell == pytest.approx(said.json["delay"]["mean"], abs=1e-5)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("cycle", [False, True])
 def test_a_rehearsal_opens_nothing(robot, saved, cycled, run, cycle) -> None:
     folder = cycled if cycle else saved("fr3")
@@ -134,9 +119,8 @@ def test_a_rehearsal_opens_nothing(robot, saved, cycled, run, cycle) -> None:
 @pytest.mark.slow
 def test_a_gripper_that_does_not_open_ends_in_a_stop(robot, saved, tmp_path, run, table) -> None:
     plan, out = saved("fr3"), tmp_path / "out"
-    half_open(robot)
-    with relayed(DEAF, robot, "deaf"):
-        said = run("run --yes --repeat 3", plan, "--robot", DEAF, "--out", out)
+    with with_hand(robot, 0.02, -1, 0, 0):
+        said = run("run --yes --repeat 3", plan, "--robot", HANDY, "--out", out)
     assert said.status == 2
     assert "the gripper did not open" in said.err.splitlines()[-1]
     rows = table(out / "run1.csv")
@@ -144,7 +128,7 @@ def test_a_gripper_that_does_not_open_ends_in_a_stop(robot, saved, tmp_path, run
     assert abs(np.diff(rows["width"])).max() < 1e-3
     # What was sent ends at rest, and the controller's rules take it.
     sent = np.array([rows[f"sent{j}"] for j in range(1, 8)]).T
-    assert max(abs(rows[f"dq{j}"][-1]) for j in range(1, 8)) < 0.02
+    assert max(abs(np.diff(rows[f"q{j}"][-20:])).mean() for j in range(1, 8)) < 2e-5
     assert sent[-1] == pytest.approx(joint_motion(plan).q[-1], abs=1e-9)
     assert refusals(joint_motion(plan).q) == []
 
@@ -165,7 +149,7 @@ def test_the_study_of_moving_cups_finds_what_following_gains() -> None:
 
 @pytest.mark.slow
 def test_a_robot_picks_and_throws_six_parts(robot, six, tmp_path, run, table) -> None:
-    with relayed(HANDY, robot, "hand", 6, 0, 0):
+    with with_hand(robot, 0.08, 6, 0, 0):
         said = run("run --yes --json", six, "--robot", HANDY, "--out", tmp_path / "out")
     assert said.status == 0, said.err
     assert "6 picks and throws in" in said.err
@@ -197,12 +181,12 @@ def test_a_robot_picks_and_throws_six_parts(robot, six, tmp_path, run, table) ->
 def test_a_part_that_is_missing_or_lost_stops_a_robot(
     robot, six, tmp_path, run, table, hand, words
 ) -> None:
-    with relayed(HANDY, robot, "hand", *hand):
+    with with_hand(robot, 0.08, *hand):
         said = run("run --yes", six, "--robot", HANDY, "--out", tmp_path / "out")
     assert said.status == 2 and words in said.err.splitlines()[-1]
     rows = table(tmp_path / "out" / "run.csv")
     assert rows["t"][-1] < 0.8 * joint_motion(six).times[-1]
-    assert max(abs(rows[f"dq{j}"][-1]) for j in range(1, 8)) < 0.02
+    assert max(abs(np.diff(rows[f"q{j}"][-20:])).mean() for j in range(1, 8)) < 2e-5
     # The controller takes what was sent, each row once.
     sent = np.array([rows[f"sent{j}"] for j in range(1, 8)]).T
     assert np.diff(rows["t"]).max() > 1.5e-3 or refusals(sent) == []

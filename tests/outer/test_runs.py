@@ -17,7 +17,6 @@ from scipy.signal import cont2discrete, lfilter
 from simulated_robot import BINDING
 from throwplan.planner.robot import (
     Franka,
-    GripperLink,
     GripperState,
     JointMotion,
     Recording,
@@ -50,9 +49,7 @@ def lagging(motion: JointMotion, still: float = 0.5, spring: float = 4500.0) -> 
     sent = np.vstack([motion.q, np.repeat(motion.q[-1:], after, axis=0)])
     numerator, denominator, _ = cont2discrete(([spring], [1.0, 450.0, spring]), TICK)
     q = sent[0] + lfilter(numerator.ravel(), denominator, sent - sent[0], axis=0)
-    times = TICK * np.arange(len(sent))
-    dq = np.gradient(q, TICK, axis=0)
-    return Recording(times, q, dq, sent, 0.04 + 0 * times, (motion.throw.command_time,))
+    return Recording(TICK * np.arange(len(sent)), q, sent, (motion.throw.command_time,))
 
 
 def errors(recording: Recording, motion: JointMotion) -> np.ndarray:
@@ -63,8 +60,7 @@ def errors(recording: Recording, motion: JointMotion) -> np.ndarray:
 
 def test_a_motion_that_is_followed_lands_as_planned(plan) -> None:
     motion = joint_motion(plan)
-    still, command = 0 * motion.times, (motion.throw.command_time,)
-    recording = Recording(motion.times, motion.q, motion.dq, motion.q, still, command)
+    recording = Recording(motion.times, motion.q, motion.q, (motion.throw.command_time,))
     assert (errors(recording, motion) < [1e-4, math.radians(0.05)]).all()
 
 
@@ -76,8 +72,8 @@ def test_a_measured_throw_may_use_up_the_clearances_of_its_plan(plan, rest) -> N
     roomy = throw.in_scene(throw.scene.changed(workspace=workspace))
     assert verdict(roomy).broken and not verdict(throw).broken
     times = TICK * np.arange(len(motion.q) + rest)
-    q, dq = (np.pad(values, ((0, rest), (0, 0)), "edge") for values in (motion.q, motion.dq))
-    recording = Recording(times, q, dq, q, 0 * times, (throw.command_time,))
+    q = np.pad(motion.q, ((0, rest), (0, 0)), "edge")
+    recording = Recording(times, q, q, (throw.command_time,))
     seen = recording.to_dict(JointMotion.of(roomy))
     assert seen["succeeds"] and not seen["findings"]
 
@@ -87,10 +83,9 @@ def test_a_recording_may_end_in_motion_once_the_object_has_landed(plan) -> None:
     motion = joint_motion(plan)
     whole, cut = lagging(motion), math.ceil(motion.throw.landing_time / TICK) + 100
     drift = 0.1 * np.maximum(whole.times - motion.throw.landing_time, 0.0)[:, None]
-    moving = dataclasses.replace(whole, q=whole.q + drift, dq=whole.dq + 0.1 * (drift > 0))
-    columns = ("times", "q", "dq", "sent", "width")
+    moving = dataclasses.replace(whole, q=whole.q + drift)
+    columns = ("times", "q", "sent")
     ended = dataclasses.replace(moving, **{c: getattr(moving, c)[:cut] for c in columns})
-    assert ended.dq[-1].max() > 0.05
     assert errors(ended, motion) == pytest.approx(errors(whole, motion), abs=2e-3)
 
 
@@ -272,8 +267,8 @@ def test_a_run_needs_a_robot_and_somebody_to_ask(plan, refused) -> None:
 @pytest.mark.parametrize(
     ("says", "words"),
     [
-        (False, "gripper: it closed the connection"),
-        pytest.param(True, "is open and sends nothing", marks=pytest.mark.slow),
+        (False, "gripper: "),
+        pytest.param(True, "is open and does not answer", marks=pytest.mark.slow),
     ],
 )
 def test_what_is_no_franka_is_given_up(plan, refused, says, words) -> None:
@@ -324,7 +319,7 @@ def test_a_robot_that_does_not_answer(plan, refused, tmp_path) -> None:
         (lambda rows: rows[:1], "t must rise over at least two rows"),
         (lambda rows: [rows[0].replace("sent3", "sent9"), *rows[1:]], "sent3 is missing"),
         (lambda rows: rows[:1] + rows[:0:-1], "t must rise"),
-        (lambda rows: rows[:1] + rows[1::20], "t rises by 0.02 s a row, must rise by 0.001 s"),
+        (lambda rows: rows[:1] + rows[1::20], "t rises by 0.02 s a row, must rise by at most 0.01"),
         (lambda rows: [*rows[:5], rows[5].replace(",", ",x", 1), *rows[6:]], "line 6"),
     ],
 )
@@ -372,11 +367,11 @@ class Standing:
         return self.state
 
 
-class Hand(GripperLink):
+class Hand:
     """A gripper's link without a gripper: homed, or not."""
 
     def __init__(self, most: float = 0.08) -> None:
-        self.host, self.most = "host", most
+        self.most = most
 
     def state(self) -> GripperState:
         return GripperState(0.04, self.most, holds=False)
