@@ -48,22 +48,55 @@ def throws(
             ready = _ready_state(franka, sent, gripper)
         way, stops = approach(sent, start), find_stops(sent)
         what = f"{len(sent.carries)} picks and throws" if sent.picks else "the throw"
-        words = (
-            f"{_approach_words(franka, sent, start)}, then {what} in {sent.times[-1]:.2f} s; "
-            f"the gripper {_changes(gripper, ready)}\n{Expectations(sent, way).words}\n"
+        ask(
+            f"{_start_words(franka, sent, start)}, then {what} in {sent.times[-1]:.2f} s; the "
+            f"gripper is {1e3 * gripper.width:.0f} mm open, and must be {1e3 * ready.width:.0f} mm "
+            f"with {'an object' if ready.holds else 'nothing'}\n{Expectations(sent, way).words}\n"
             "  Python sends it, and misses cycles on a busy machine: for throws in earnest take "
             "the C++ program of export --franka"
         )
-        ask(words)
-        # The object may have been lost while a person answered.
-        if not equal(franka.gripper.state(), ready):
-            _restore(franka.gripper, ready, plan.carries[0].close.force)
-        recording = play(franka, sent, way, stops)
+        _restore(franka.gripper, ready, plan.carries[0].close.force)
+        watch = Watch(franka.gripper, franka.gripper.state(), sent, stops)
+        recording = _play(franka, way, sent.q, watch)
         yield recording
         if recording.trouble:
             return
         if not sent.picks:
             sent, _ = corrected(plan, recording)
+
+
+def rehearse(
+    franka: Franka, plan: JointMotion, sent: JointMotion, ask: Callable[[str], None]
+) -> Recording:
+    """Send the motion slowly, with an empty hand that does not move.
+
+    On the way to the start pose, too, arm and hand keep `REHEARSAL_SPEED`. InputError for a gripper
+    that holds something, or moves, besides those of `throws`.
+    """
+    start, gripper = franka.check(plan.arm)
+    if gripper.holds:
+        raise InputError(f"{franka.host}: --rehearse: the gripper holds an object: take it out")
+    if sent.throw.manipulator.capsules is None:
+        raise InputError("--rehearse: the arm file has no capsules, so its speed is not known")
+    way = approach(sent, start)
+    slow_way, slow = _slowed(sent, way), _slowed(sent, sent.q)
+    ask(
+        f"{_start_words(franka, sent, start)} in {TICK * (len(slow_way) - 1):.1f} s, then the "
+        f"motion {(len(slow) - 1) / (len(sent.q) - 1):.1f} times as slow, in "
+        f"{TICK * (len(slow) - 1):.1f} s; the gripper stays {1e3 * gripper.width:.0f} mm open\n"
+        f"{Expectations(sent, way).swept_words}"
+    )
+    recording = _play(franka, slow_way, slow, Watch(franka.gripper, gripper))
+    if recording.trouble:
+        raise InputError(f"{franka.host}: {recording.trouble}")
+    return recording
+
+
+def _start_words(franka: Franka, motion: JointMotion, start: Array) -> str:
+    """The way to the start pose, in words."""
+    away = np.abs(start - motion.q[0])
+    most = f"joint {away.argmax() + 1} moves {away.max():.2f} rad"
+    return f"{motion.arm.name} at {franka.host}: to the start pose ({most})"
 
 
 def _ready_state(franka: Franka, motion: JointMotion, now: GripperState) -> GripperState:
@@ -78,123 +111,13 @@ def _ready_state(franka: Franka, motion: JointMotion, now: GripperState) -> Grip
     return now
 
 
-def rehearse(
-    franka: Franka, plan: JointMotion, sent: JointMotion, ask: Callable[[str], None]
-) -> Recording:
-    """Send the motion slowly, with an empty hand that does not move.
-
-    On the way to the start pose, too, arm and hand keep `REHEARSAL_SPEED`. InputError for a gripper
-    that holds something, besides those of `throws`.
-    """
-    start, gripper = franka.check(plan.arm)
-    if gripper.holds:
-        raise InputError(f"{franka.host}: --rehearse: the gripper holds an object: take it out")
-    if sent.throw.manipulator.capsules is None:
-        raise InputError("--rehearse: the arm file has no capsules, so its speed is not known")
-    way = approach(sent, start)
-    slow_way, slow = _slowed(sent, way), _slowed(sent, sent.q)
-    ask(
-        f"{_approach_words(franka, sent, start)} in {TICK * (len(slow_way) - 1):.1f} s, then the "
-        f"motion {(len(slow) - 1) / (len(sent.q) - 1):.1f} times as slow, in "
-        f"{TICK * (len(slow) - 1):.1f} s; the gripper stays {1e3 * gripper.width:.0f} mm open\n"
-        f"{Expectations(sent, way).swept_words}"
-    )
-    recording = _send(franka, slow_way, slow, Watch(franka.gripper, gripper))
-    if recording.trouble:
-        raise InputError(f"{franka.host}: {recording.trouble}")
-    return recording
-
-
-def _slowed(motion: JointMotion, q: Array) -> Array:
-    """Joints q (N, joints) [rad] every millisecond, with times stretched to `REHEARSAL_SPEED`."""
-    times = np.arange(len(q)) * np.float64(TICK)
-    ends = swept_bodies(motion.carries[0], q, times).ends
-    fastest = np.linalg.norm(np.diff(ends, axis=3), axis=2).max(initial=0.0) / TICK
-    stretch = max(float(fastest) / REHEARSAL_SPEED, 1.0)
-    if stretch == 1.0:
-        return q
-    slow = np.arange(0.0, times[-1] + TICK / stretch, TICK / stretch)
-    return Trajectory.through(times, q).at(np.minimum(slow, times[-1])).pose.T
-
-
-def play(franka: Franka, motion: JointMotion, way: Array, stops: list[Stop]) -> Recording:
-    """Move along `way` (N, joints) [rad] to the motion's start; throw; record.
-
-    stops: of the motion, from `find_stops`.
-
-    If an object is not grasped or lost, or the gripper's connection fails, before the last opening
-    command, the arm brakes at once, and the gripper gets no further command. A gripper that does
-    not open at the end needs no other motion: after the opening it is the brake. All are the
-    recording's `trouble`. InputError for errors of the controller, and if the arm does not come to
-    rest at the goal.
-    """
-    watch = Watch(franka.gripper, franka.gripper.state(), motion, stops)
-    return _send(franka, way, motion.q, watch)
-
-
-def _send(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
-    """Move along `way` to the start, then send q, both (N, joints) [rad] every millisecond.
-
-    InputError for an object that is lost, or a gripper that fails, on the way.
-    """
-    gc.disable()
-    try:
-        with binding_errors(franka.host, franka.binding):
-            mode = franka.binding.ControllerMode.JointImpedance
-            control = franka.robot.start_joint_position_control(mode)
-            stream = _Stream(control, franka.binding.JointPositions)
-            # The commands are made before the stream begins.
-            first, then = stream.commands(way), stream.commands(q)
-            before = TICK * len(way)
-            seen, sent = stream.send(
-                first, way, lambda elapsed: watch.cycle(min(elapsed - before, -2 * TICK))
-            )
-            if not watch.trouble:
-                seen, sent = stream.send(then, q, watch.cycle)
-            stream.end(sent[-1])
-    finally:
-        gc.enable()
-    if sent is way:
-        raise InputError(f"{franka.host}: {watch.trouble}")
-    times = np.array([elapsed for elapsed, _ in seen])
-    watch.finish(float(times[-1]))
-    rows = np.minimum(np.rint(times / TICK).astype(int), len(sent) - 1)
-    known = np.searchsorted([time for time, _ in watch.widths], times, "right") - 1
-    return Recording(
-        times,
-        np.array([state.q for _, state in seen]),
-        sent[rows],
-        tuple(watch.command_times),
-        np.array([width for _, width in watch.widths])[known],
-        watch.trouble,
-    )
-
-
-def _approach_words(franka: Franka, motion: JointMotion, start: Array) -> str:
-    """The way to the start pose, in words."""
-    away = np.abs(start - motion.q[0])
-    return (
-        f"{motion.arm.name} at {franka.host}: to the start pose (joint {away.argmax() + 1} moves "
-        f"{away.max():.2f} rad)"
-    )
-
-
-def _changes(now: GripperState, ready: GripperState) -> str:
-    """The gripper's action before the motion, in words."""
-    what = "an object" if ready.holds else "nothing"
-    if equal(now, ready):
-        return f"is {1e3 * now.width:.0f} mm open and holds {what}"
-    if ready.width > now.width:
-        return f"opens to {1e3 * ready.width:.0f} mm before"
-    return f"closes to {1e3 * ready.width:.0f} mm again, on {what}"
-
-
 def _restore(gripper: GripperLink, ready: GripperState, force: float) -> None:
-    """Move the gripper as before the first motion, with the scene's force [N] around an object;
-    InputError if it lacks the object."""
+    """Move the gripper as before the first motion, with the scene's force [N] around an object, if
+    it has moved; InputError if it lacks the object."""
+    if equal(gripper.state(), ready):
+        return
     if ready.holds:
-        tolerances = GRASP_TOLERANCE, GRASP_TOLERANCE
-        gripper.result("grasp", ready.width, SPEED, force, *tolerances)
+        gripper.result("grasp", ready.width, SPEED, force, GRASP_TOLERANCE, GRASP_TOLERANCE)
     else:
         gripper.result("move", ready.width, SPEED)
     now = gripper.state()
@@ -205,60 +128,101 @@ def _restore(gripper: GripperLink, ready: GripperState, force: float) -> None:
     raise InputError(f"{gripper.host}: its gripper holds nothing: put the object between the pads")
 
 
-@dataclasses.dataclass(frozen=True)
-class _Stream:
-    """Joint positions sent on the robot's clock; command: the binding's for joints [rad]."""
+def _slowed(motion: JointMotion, q: Array) -> Array:
+    """Joints q (N, joints) [rad] every millisecond, with times stretched to `REHEARSAL_SPEED`."""
+    times = np.arange(len(q)) * np.float64(TICK)
+    ends = swept_bodies(motion.carries[0], q, times).ends
+    fastest = np.linalg.norm(np.diff(ends, axis=3), axis=2).max(initial=0.0) / TICK
+    stretch = max(float(fastest) / REHEARSAL_SPEED, 1.0)
+    slow = np.arange(0.0, times[-1] + TICK / stretch, TICK / stretch)
+    return Trajectory.through(times, q).at(np.minimum(slow, times[-1])).pose.T
 
-    control: Any
-    command: Callable[[list[float]], Any]
 
-    def commands(self, q: Array) -> list[Any]:
-        """The commands for joints (N, joints) [rad]."""
-        return [self.command(row) for row in q.tolist()]
+def _play(franka: Franka, way: Array, q: Array, watch: Watch) -> Recording:
+    """Move along `way` to the start, then send q, both (N, joints) [rad] every millisecond.
 
-    def send(
-        self, commands: list[Any], q: Array, cycle: Callable[[float], Stop | None]
-    ) -> tuple[list[tuple[float, Any]], Array]:
-        """Send q (N, joints) [rad], a command per millisecond, the last one until the arm stands.
+    If an object is not grasped or lost, or the gripper's connection fails, before the last opening
+    command, the arm brakes at once, and the gripper gets no further command. A gripper that does
+    not open at the end needs no other motion: after the opening it is the brake. All are the
+    recording's `trouble`. InputError for errors of the controller, for trouble on the way to the
+    start, and if the arm does not come to rest at the goal.
+    """
+    command = franka.binding.JointPositions
+    gc.disable()
+    try:
+        with binding_errors(franka.host, franka.binding):
+            mode = franka.binding.ControllerMode.JointImpedance
+            # The commands are made before the stream begins.
+            first, then = ([command(row) for row in rows.tolist()] for rows in (way, q))
+            control, before = franka.robot.start_joint_position_control(mode), TICK * len(way)
 
-        It stands once it has been at rest for 0.1 s, within 0.03 rad of the last row; InputError if
-        it does not within 5 s. cycle: called in each cycle with the time [s] since the first row;
-        may return where to stop. Returns that time and the robot's state in each cycle, and what
-        was sent.
-        """
-        seen: list[tuple[float, Any]] = []
-        first, still = None, 0
-        while True:
-            state, _ = self.control.readOnce()
-            now = state.time.to_sec()
-            first = now if first is None else first
-            elapsed, last = now - first, len(commands) - 1
-            # The motion follows the clock: missed cycles are skipped.
-            sample = min(round(elapsed / TICK), last)
-            self.control.writeOnce(commands[sample])
-            seen.append((elapsed, state))
-            stop = cycle(elapsed)
-            if stop is not None:
-                q = np.vstack([q[: stop.sample + 1], stop.q])
-                commands = commands[: stop.sample + 1] + self.commands(stop.q)
-            elif sample == last:
-                still = still + 1 if max(map(abs, state.dq)) < STILL else 0
-                away = np.abs(np.array(state.q) - q[-1])
-                if still >= 0.1 / TICK and away.max() < 0.03:
-                    return seen, q
-                if elapsed > TICK * last + 5.0:
-                    raise InputError(
-                        f"the arm does not come to stand where it was sent: joint "
-                        f"{away.argmax() + 1} is {away.max():.3f} rad away: check the load set in "
-                        "Desk"
-                    )
+            def on_way(elapsed: float) -> Stop | None:
+                return watch.cycle(min(elapsed - before, -2 * TICK))
 
-    def end(self, q: Array) -> None:
-        """End the motion at joints q (joints,) [rad]."""
-        last = self.command(q.tolist())
-        last.motion_finished = True
-        self.control.readOnce()
-        self.control.writeOnce(last)
+            seen, sent = _stream(control, command, first, way, on_way)
+            if not watch.trouble:
+                seen, sent = _stream(control, command, then, q, watch.cycle)
+            last = command(sent[-1].tolist())
+            last.motion_finished = True
+            control.readOnce()
+            control.writeOnce(last)
+    finally:
+        gc.enable()
+    if sent is way:
+        raise InputError(f"{franka.host}: {watch.trouble}")
+    times = np.array([elapsed for elapsed, _ in seen])
+    watch.finish(float(times[-1]))
+    rows = np.minimum(np.rint(times / TICK).astype(int), len(sent) - 1)
+    read, widths = np.array(watch.widths).T
+    return Recording(
+        times,
+        np.array([state.q for _, state in seen]),
+        sent[rows],
+        tuple(watch.command_times),
+        widths[np.searchsorted(read, times, "right") - 1],
+        watch.trouble,
+    )
+
+
+def _stream(
+    control: Any,
+    command: Callable[[list[float]], Any],
+    commands: list[Any],
+    q: Array,
+    cycle: Callable[[float], Stop | None],
+) -> tuple[list[tuple[float, Any]], Array]:
+    """Send q (N, joints) [rad], a command per millisecond, the last one until the arm stands.
+
+    It stands once it has been at rest for 0.1 s, within 0.03 rad of the last row; InputError if it
+    does not within 5 s. command: the binding's for joints; cycle: called in each cycle with the
+    time [s] since the first row; may return where to stop. Returns that time and the robot's state
+    in each cycle, and what was sent.
+    """
+    seen: list[tuple[float, Any]] = []
+    first, still = None, 0
+    while True:
+        state, _ = control.readOnce()
+        now = state.time.to_sec()
+        first = now if first is None else first
+        elapsed, last = now - first, len(commands) - 1
+        # The motion follows the clock: missed cycles are skipped.
+        sample = min(round(elapsed / TICK), last)
+        control.writeOnce(commands[sample])
+        seen.append((elapsed, state))
+        stop = cycle(elapsed)
+        if stop is not None:
+            q = np.vstack([q[: stop.sample + 1], stop.q])
+            commands = commands[: stop.sample + 1] + [command(row) for row in stop.q.tolist()]
+        elif sample == last:
+            still = still + 1 if max(map(abs, state.dq)) < STILL else 0
+            away = np.abs(np.array(state.q) - q[-1])
+            if still >= 0.1 / TICK and away.max() < 0.03:
+                return seen, q
+            if elapsed > TICK * last + 5.0:
+                raise InputError(
+                    f"the arm does not come to stand where it was sent: joint {away.argmax() + 1} "
+                    f"is {away.max():.3f} rad away: check the load set in Desk"
+                )
 
 
 # The way to the start pose.
@@ -278,12 +242,10 @@ def approach(motion: JointMotion, start: Array) -> Array:
     broken = _broken_words(motion, straight)
     if not broken:
         return straight.q
-    raised, above, over = (
-        raised_pose(space, goal.q),
-        *(lifted_pose(space, state.q, ABOVE) for state in (now, goal)),
-    )
+    above, over = (lifted_pose(space, state.q, ABOVE) for state in (now, goal))
     apart = _without_near(motion, start)
-    for rising, *way in (motion, raised), (motion, over), (apart, above, over):
+    ways = (motion, raised_pose(space, goal.q)), (motion, over), (apart, above, over)
+    for rising, *way in ways:
         # A way may break the arm's limits: then another is tried.
         with contextlib.suppress(InputError):
             first, *rest = (_straight(arm, *ends) for ends in itertools.pairwise((now, *way, goal)))

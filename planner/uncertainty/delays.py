@@ -116,7 +116,7 @@ class DelayTolerance:
             f"the gripper's delay is not measured: {1e3 * SAID:g} ms early the object "
             f"{_moved(*self.early)},\n        {1e3 * SAID:g} ms late it {_moved(*self.late)}; "
             f"the throw succeeds {self.scan.words}.\n        Measure the delay for [uncertainty] "
-            "(throwplan measure-gripper, or identify --delay on measured throws)"
+            "(throwplan identify --delay on measured throws)"
         )
 
     def to_dict(self) -> dict[str, Any]:

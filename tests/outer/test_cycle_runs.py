@@ -171,7 +171,7 @@ def test_the_hand_is_empty_before_a_cycle_and_opened(motion) -> None:
         one_run(simulated(), motion)
     franka = simulated(lambda tick: 0.01, holds=False)
     recording, _, asked = one_run(franka, motion)
-    assert recording.trouble == "" and "the gripper opens to 80 mm before" in asked[0]
+    assert recording.trouble == "" and "must be 80 mm with nothing" in asked[0]
     assert [name for name, _ in franka.gripper.orders] == ["move", *["grasp", "move"] * 2]
     stuck = simulated(lambda tick: 0.01, holds=False, opens=0)
     with pytest.raises(InputError, match="does not answer"):
