@@ -196,14 +196,14 @@ def plain(recording: Recording, path: Path, every: int, clock: float = 0.0) -> P
     return path
 
 
-@pytest.mark.parametrize("scene", ["fr3", pytest.param("iiwa14", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("scene", ["fr3", pytest.param("ur5e", marks=pytest.mark.slow)])
 def test_a_plain_recording_of_any_arm_corrects_its_plan(scene, saved, tmp_path, run, table) -> None:
     """A row every 4 ms, without the times of commands; joints lag by some tenths of a radian."""
     motion = joint_motion(folder := saved(scene))
     recording = lagging(motion)
     path = plain(recording, tmp_path / "joints.csv", every=4)
     said = run("correct --json", folder, path, "--out", tmp_path / "next").json
-    assert said["recorded"]["error"]["position"] > 0.02 and said["recorded"]["lag"] > 0.04
+    assert said["recorded"]["error"]["position"] > 0.02 and said["recorded"]["lag"] > 0.03
     next_motion = table(tmp_path / "next" / "joints.csv")
     q = np.column_stack([next_motion[f"q{j}"] for j in range(1, motion.arm.joints + 1)])
     sent, _ = corrected(motion, read_recording(path, motion))
