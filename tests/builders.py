@@ -73,9 +73,9 @@ def fit_gripper(folder: Path) -> Path:
     header, *lines = (folder / "motion.csv").read_text().splitlines()
     rows = [line.split(",") for line in lines]
     column = header.split(",").index("gripper")
-    for row in rows:
+    for number, row in enumerate(rows):
         held = (
-            TICK * one["samples"][0] <= float(row[0])
+            one["samples"][0] <= number
             and float(row[0]) < one["opening_time"] - one["definition"]["gripper"]["dwell"]
             for one in steps
         )
