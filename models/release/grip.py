@@ -20,6 +20,8 @@ from ..body import Array
 
 #: Fewest rows of a raw recording of the grip force.
 MIN_ROWS = 20
+#: Share of the full force whose loss may take no longer than that of all the rest.
+LAST_SHARE = 0.02
 
 
 class GripProfile:
@@ -63,7 +65,8 @@ class TableGrip(GripProfile):
 
     Interpolated by monotone cubics (PCHIP): no overshoot, continuous slope. The last
     force must be zero within 1 % of the largest, and the force may not rise again by
-    more than 5 % of the largest. Raises ValueError saying what is wrong.
+    more than 5 % of the largest. The opening ends as `_end_of_fall` says. Raises
+    ValueError saying what is wrong.
     """
 
     #: Loss of force, as a share of its first value, at the start of the fall.
@@ -72,12 +75,13 @@ class TableGrip(GripProfile):
     def __init__(self, times: Sequence[float], forces: Sequence[float]) -> None:
         t, f = np.array(times, float), np.array(forces, float)
         _check_table(t, f)
-        peak = f.max()
         f[-1] = 0.0
         self.full = float(f[0])
         falling = np.flatnonzero(f < (1.0 - self.FALL_SHARE) * f[0])
         start = max(int(falling[0]) - 1, 0)
-        ended = int(np.flatnonzero(f > 1e-9 * peak)[-1]) + 1
+        noise = max(map(_noise, (f[: start + 1], _tail(f))))
+        ended = _end_of_fall(t, np.minimum.accumulate(f), start, noise)
+        f[ended] = 0.0
         self.dwell = float(t[start])
         self.opening = float(t[ended] - t[start])
         self._times, self._forces = t[start : ended + 1] - t[start], f[start : ended + 1]
@@ -107,8 +111,8 @@ class TableGrip(GripProfile):
         times (K,) [s] from the opening command on, forces (K,) [N], until the pads have been apart
         for at least a tenth of the recording. The median of that last tenth is subtracted as the
         offset. The full force is the median of what comes before the fall. Within the noise the
-        force is full, or zero. Raises ValueError for fewer than 20 rows, a recording without a
-        fall, and as `TableGrip`.
+        force is full; the opening ends as `_end_of_fall` says. Raises ValueError for fewer than 20
+        rows, a recording without a fall, and as `TableGrip`.
         """
         from scipy.optimize import isotonic_regression
 
@@ -117,7 +121,7 @@ class TableGrip(GripProfile):
             raise ValueError(f"needs at least {MIN_ROWS} rows of t, f_N")
         if not np.isfinite(raw).all():
             raise ValueError("has a value that is not a finite number")
-        tail = raw[-max(t.size // 10, 2) :]
+        tail = _tail(raw)
         force = raw - np.median(tail)
         fall = np.asarray(isotonic_regression(force, increasing=False).x)
         # Half the force is far from the noise of either end; most samples before it have full
@@ -128,16 +132,17 @@ class TableGrip(GripProfile):
         if fall[0] <= 0 or half < 2 or flat.size < 2:
             raise ValueError("f_N must start at the full grip and fall from there")
         full = float(np.median(force[flat]))
-        noise = 3 * float(np.std(np.diff(tail))) / math.sqrt(2)
+        noise = max(map(_noise, (raw[: half // 2 + 1], tail)))
         ends = [float(np.mean(part)) for part in np.array_split(tail, 2)]
         if ends[0] - ends[1] > max(0.02 * full, noise):
             raise ValueError(
                 "f_N must go on, level, for a tenth of the recording after the pads are apart"
             )
         fall[fall >= full - max(noise, cls.FALL_SHARE * full)] = full
-        fall[fall <= max(noise, 1e-6 * full)] = 0.0
-        ended = int(np.flatnonzero(fall > 0)[-1]) + 2
-        return cls(t[:ended].tolist(), fall[:ended].tolist())
+        start = max(int(np.flatnonzero(fall < full)[0]) - 1, 0)
+        ended = _end_of_fall(t, fall, start, noise)
+        fall[ended] = 0.0
+        return cls(t[: ended + 1].tolist(), np.maximum(fall[: ended + 1], 0.0).tolist())
 
     @staticmethod
     def noise(forces: Array) -> float:
@@ -164,6 +169,42 @@ class TableGrip(GripProfile):
         forces = np.concatenate([self.force(0.0)[None], force[inner], [0.0]])
         rows = np.column_stack([dwell_times, np.full(dwell_times.size, self.full)])
         return np.vstack([rows, np.column_stack([self.dwell + times, forces])])
+
+
+def _tail(forces: Array) -> Array:
+    """The last tenth of a recording."""
+    return forces[-max(forces.size // 10, 2) :]
+
+
+def _noise(level: Array) -> float:
+    """Noise [N] of a force that is level, three standard deviations, by the steps between its
+    samples; 0 if it only falls."""
+    steps = np.diff(level)
+    return 3 * float(np.std(steps)) / math.sqrt(2) if (steps > 0.0).any() else 0.0
+
+
+def _end_of_fall(t: Array, falling: Array, start: int, noise: float) -> int:
+    """Index of the sample at which the pads let go.
+
+    From there on the force falls by no more than its noise [N] in as much time as the fall itself
+    took: a slow drift of the sensor is no force of the pads. falling (K,) [N]: monotone, at times t
+    (K,) [s]; start: index of the fall's start. ValueError if the last `LAST_SHARE` of the force
+    takes longer than all the rest: then the end is no property of the pads.
+    """
+    later = np.interp(2 * t - t[start], t, falling)
+    over = falling - later <= max(noise, 1e-9 * falling[0])
+    # A force that stays for a while higher than that falls on.
+    low = noise + LAST_SHARE * falling[0] if noise else 1e-9 * falling[0]
+    ended = int(np.flatnonzero(over & (falling <= falling[-1] + low))[0])
+    little = int(np.flatnonzero(falling <= falling[ended] + LAST_SHARE * falling[0])[0])
+    rest, last = t[little] - t[start], t[ended] - t[little]
+    if last > rest:
+        raise ValueError(
+            f"f_N falls to {100 * LAST_SHARE:g} % in {1e3 * rest:.0f} ms, and on for "
+            f"{1e3 * last:.0f} ms: the end of the opening cannot be told from a drift; leave out "
+            "what comes after the pads are apart, or take the drift off"
+        )
+    return ended
 
 
 def _check_table(t: Array, f: Array) -> None:
