@@ -183,7 +183,11 @@ def _check_takes(options: argparse.Namespace, arm: Arm) -> None:
     try:
         check(arm)
     except InputError:
-        check(dataclasses.replace(arm, links=()))
+        try:
+            check(dataclasses.replace(arm, links=()))
+        except InputError as error:
+            words = "change --approach, --closing, --throwing or --posture-deg"
+            raise InputError(f"{error}; {words}") from None
         # It is the torques.
         weak = weak_joints(arm)
         words = f"limits do not hold the arm at rest: {_weak(weak)}; take the data sheet's"

@@ -137,8 +137,10 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
         PlanarArm(arm)
     except ValueError as error:
         axes = np.array([pose[:3, 2] for pose in arm.placed(arm.posture)])
-        normal = axes[arm.throwing_joints[0] - 1]
-        tilts = [_tilt(arm, axes, normal, j) for j in (*arm.throwing_joints, None)]
+        first = arm.throwing_joints[0]
+        tilts = [_tilt(arm, axes, axes[first - 1], j) for j in (*arm.throwing_joints, None)]
+        # Where they agree, the first is off the plane along x.
+        tilts.append(_tilt(arm, axes, np.array([0.0, 1.0, 0.0]), first))
         words = next((words for angle, words in tilts if angle > EXACT), tilts[-1][1])
         raise InputError(f"{error}: {words}{CHANGE}") from None
     return arm

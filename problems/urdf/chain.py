@@ -19,8 +19,6 @@ from .reading import frame_of, origin, unit_axis
 
 #: Largest difference [m; -] of kinematics that counts as none.
 EXACT = 1e-9
-#: Most joints of a finger.
-FINGER = 4
 #: The hand points along an axis of the tool link if the cosine to its child links is above this.
 POINTS = 0.8
 #: Names of a hand's links, of links that are likely a hand or a flange, in order of preference, and
@@ -28,6 +26,8 @@ POINTS = 0.8
 HAND = r"hand|gripper|finger|knuckle|robotiq|grasp|tcp"
 LIKELY = (r"tool|hand|tcp|gripper", r"flange|end_?effector|(^|_)eef?(_|$)", r"")
 FINGERS = r"finger|knuckle|thumb"
+#: Names of the one joint that moves a gripper's jaw.
+JAW = r"gripper|finger|jaw|claw"
 SENSORS = r"camera|sensor|optical|depth|lidar|(^|_)imu(_|$)"
 #: A link's axes by their names in options.
 AXES = {
@@ -321,8 +321,11 @@ def _hands(robot: Any) -> list[str]:
         turning, below = len(_turning(robot, body)), moved_by(body)
         if turning < 2:
             continue
-        slide = any(joint.type == "prismatic" or joint.mimic is not None for joint in below)
-        if (len(below) > 1 and depth(body) <= min(FINGER, turning - 1)) or slide:
+        opens = any(
+            joint.type == "prismatic" or joint.mimic or re.search(JAW, joint.name, re.IGNORECASE)
+            for joint in below
+        )
+        if opens or (len(below) > 1 and depth(body) <= turning):
             fingers |= {joint.child for joint in below}
         elif depth(body) > 1:
             continue

@@ -483,7 +483,7 @@ ROLLING = {"j1": UP, "j2": X, "j3": UP, "j4": Y, "j5": UP, "j6": X, "j7": Y}
 HAND = '<link name="ee"/>' + joint_xml("e", "l4", "ee", "0 0 0.16", kind="fixed")
 LIFTING = {name: (axis, "0 0 0.2") for name, axis in zip("abcd", (UP, Y, Y, Y), strict=True)}
 FINGERS = [
-    # Two fingers of two joints; two that slide, one as the other; a screw that a slide carries.
+    # Two fingers of two joints; two that slide, one as the other; a screw on a slide; a jaw.
     "".join(
         f'<link name="f{k}"/><link name="tip{k}"/>'
         + joint_xml(f"f{k}", "l4", f"f{k}", f"0 {k} 0.1", Y)
@@ -496,6 +496,7 @@ FINGERS = [
     '<link name="slide"/><link name="gripper_screw"/>'
     + joint_xml("slide", "l4", "slide", "0 0 0.1", Y, "prismatic")
     + joint_xml("screw", "slide", "gripper_screw", "0 0 0.02", Y),
+    '<link name="gripper"/>' + joint_xml("jaw", "l4", "gripper", "0 0 0.1", Y),
 ]
 
 
