@@ -339,14 +339,18 @@ class _CycleJudge:
         )
         limits, section = np.array(arm.limits.torque), scene.torque
         throwing = np.array(scene.robot.throwing_joints or arm.throwing_joints) - 1
-        if section is not None and section.limits is not None:
-            limits[throwing] = section.limits
+        margin, most_rate = arm.limits.torque_margin, arm.limits.torque_rate
+        if section is not None:
+            limits[throwing] = limits[throwing] if section.limits is None else section.limits
+            margin = margin if section.margin is None else section.margin
+            most_rate = most_rate if section.rate is None else section.rate
+        margin = 0.1 if margin is None else margin
         for j, use in enumerate((np.abs(torques) / limits).max(axis=0), start=1):
-            if use > 1 + 1e-9:
+            if use > 1 - margin + 1e-9:
                 yield f"torque of joint {j} {use:.4f}"
-        if section is not None and section.rate is not None and len(torques) > 1:
+        if most_rate is not None and len(torques) > 1:
             rate = np.abs(np.diff(torques[:, throwing], axis=0)).max() / TICK
-            if rate > section.rate * (1 + 1e-6):
+            if rate > most_rate * (1 + 1e-6):
                 yield f"torque rate {rate:.1f}"
 
     def _throw(self, scene: Any, step: Any) -> Iterator[str]:

@@ -146,8 +146,8 @@ class Oracle:
         hand_x, _z, _theta: how far the hand, and with it bar and palm, is off its motion all along;
         hand_vx, _vz, _omega: the rates by which it leaves it when the force starts to fall. The
         arm's links are where the joints that are sent put them.
-        planned: clearances and tolerance are kept, as of a plan; else, as of what really happens,
-        contact counts, and with a cup only whether the bar goes in.
+        planned: clearances, the torque margin and tolerance are kept, as of a plan; else, as of
+        what really happens, contact counts, and with a cup only whether the bar goes in.
         """
         rows = {} if rows is None else {k: np.atleast_1d(v) for k, v in rows.items()}
         count = max((len(v) for v in rows.values()), default=1)
@@ -166,7 +166,7 @@ class Oracle:
         found = self._limits() | self._landed(detach, landing, lands, planned)
         found["grip"] = self._grip(held)
         if self.arm is not None and self.scene.arm.links:
-            found["torque"] = self._torque(held)
+            found["torque"] = self._torque(held, self._torque_margin if planned else 0.0)
         found |= self.around.arm(planned)
         singles = [
             self._around(held, {k: v[i] for k, v in c.items()}, thrown, landing, i, planned)
@@ -309,7 +309,14 @@ class Oracle:
             limits = np.array(self.arm.arm.limits.torque)[self.arm.throwing]
         return (*self.arm.torques(self.ticks, self.scene.gravity), np.array(limits))
 
-    def _torque(self, held: Held) -> Found:
+    @property
+    def _torque_margin(self) -> float:
+        section, own = self.scene.torque, self.arm.arm.limits.torque_margin
+        if section is not None and section.margin is not None:
+            return section.margin
+        return 0.1 if own is None else own
+
+    def _torque(self, held: Held, margin: float) -> Found:
         """Largest share of a limit: with the bar until the pads open, then the worse of both."""
         empty, lever, limits = self._torques
         motion, worst = self.hand.at(self.ticks), []
@@ -319,7 +326,7 @@ class Oracle:
             before, after = (self.ticks <= ends)[:, None], (self.ticks >= begins)[:, None]
             with_bar, without = np.abs(empty + load) * before, np.abs(empty) * after
             worst.append((np.maximum(with_bar, without) / limits).max())
-        return at_most(worst, 1.0)
+        return at_most(worst, 1.0 - margin)
 
 
 def joint_limits(samples: Samples, of: Any, which: list[int]) -> dict[str, Found]:

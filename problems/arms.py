@@ -66,7 +66,7 @@ class GripperData:
     """A gripper for any arm: its grip, and its body in the flange's frame."""
 
     description: str = described("one line")
-    force: float = described("N, of one pad at full grip", above=0)
+    force: float = described("N, of one pad, what it holds continuously", above=0)
     dwell: float = described("s, from the command until the force starts to fall", least=0)
     opening: float = described("s, from there to zero, linear", above=0)
     tcp: float = described("m, from the flange to the pads' centre")
@@ -78,9 +78,18 @@ class GripperData:
     inertia: tuple[float, float, float, float, float, float] = described(
         "kg m² about the CoM: xx, xy, xz, yy, yz, zz"
     )
+    force_peak: float | None = described(
+        "N, of one pad, the most that a scene may ask for; left out: not known", None, above=0
+    )
     capsules: tuple[GripperCapsule, ...] = described("its shapes, see [[capsules]]", ())
     delay: Distribution | None = described(
         "s, of the opening about `dwell`, as in [uncertainty], where a scene leaves out both", None
+    )
+    opening_spread: Distribution | None = described(
+        "s, about `opening`, as `opening` in [uncertainty], where a scene leaves out both", None
+    )
+    assumed: tuple[str, ...] = described(
+        "keys whose values neither maker nor measurement gives; plans name them", ()
     )
 
     @classmethod

@@ -13,7 +13,7 @@ import numpy as np
 from ..models import SHAPES, Array, Contact, SurfaceShape
 from ..models.release import GripProfile, LinearGrip, TableGrip
 from ..models.robot import segment_distance
-from .arms import load_gripper
+from .arms import GripperData, load_gripper
 from .checks import InputError, within
 from .section import UNSET, Section, from_table, optional, quantity
 
@@ -317,8 +317,19 @@ class Gripper(Section):
         "a CSV file with the columns t and f_N instead of `times` and `forces`, read as these"
     )
     file: str | None = optional(
-        "a shipped gripper (`robotiq-2f-85`) or a gripper data file (.toml): its body in place of "
+        "a shipped gripper (`franka-hand`, `robotiq-2f-85`) or a gripper data file (.toml): its body in place of "
         "the arm's own hand, and its `force`, `dwell` and `opening` where they are left out"
+    )
+    continuous: float | None = optional(
+        "N, of one pad, what the gripper holds continuously: a plan with more says so; left out: "
+        "the file's, else not known",
+        above=0,
+        most=1e6,
+    )
+    peak: float | None = optional(
+        "N, of one pad, the most that the gripper has; left out: the file's, else not known",
+        above=0,
+        most=1e6,
     )
     sticking_margin: float = quantity(
         "margin of the grip use until the opening, as a share of the full grip's friction limit",
@@ -330,19 +341,18 @@ class Gripper(Section):
         "whether `table` is an unfiltered recording: the nearest falling curve is taken",
         default=False,
     )
+    #: What `file` holds; None without one.
+    data: GripperData | None = dataclasses.field(default=None, repr=False, compare=False)
 
     def check(self) -> None:
         """The force is given in exactly one way, or taken from the file; a table falls to zero."""
         measured = bool(self.times or self.forces or self.table)
-        left_out = [
-            name for name in ("force", "dwell", "opening") if getattr(self, name) in (None, UNSET)
-        ]
-        if self.file is not None and left_out and not measured:
+        if self.file is not None and self.data is None:
             with within(f"file = {self.file!r}"):
-                data = load_gripper(self.file)
-            for name in left_out:
-                object.__setattr__(self, name, getattr(data, name))
-        elif math.isnan(self.dwell):
+                object.__setattr__(self, "data", load_gripper(self.file))
+        if self.data is not None:
+            self._take(self.data, measured)
+        if math.isnan(self.dwell):
             object.__setattr__(self, "dwell", 0.0)
         linear = self.force is not None or self.opening is not None
         if linear == measured:
@@ -352,7 +362,22 @@ class Gripper(Section):
         if linear and (self.force is None or self.opening is None):
             missing = "force" if self.force is None else "opening"
             raise InputError(f"key '{missing}' is missing")
-        self.profile()
+        full = self.profile().full
+        if self.peak is not None and full > self.peak:
+            given = f"force = {full:g}" if linear else f"table = {self.table}: {full:g} N"
+            raise InputError(f"{given}: must be at most {self.peak:g} N, the gripper's peak")
+
+    def _take(self, data: GripperData, measured: bool) -> None:
+        """The file's values for keys that are left out."""
+        values: dict[str, Any] = {"continuous": data.force, "peak": data.force_peak}
+        if not measured:
+            values |= {"force": data.force, "dwell": data.dwell, "opening": data.opening}
+        for name, value in values.items():
+            if getattr(self, name) in (None, UNSET):
+                if name in data.assumed:
+                    self.assume(name, value)
+                else:
+                    object.__setattr__(self, name, value)
 
     def profile(self) -> GripProfile:
         """The grip-force profile of the models."""

@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
+from typing import ClassVar
 
 from ..models.robot import Arm
 from .checks import InputError
@@ -94,8 +95,7 @@ class Robot(Section):
         default="jerk",
     )
     tool_speed: float | None = optional(
-        "m/s, highest speed of the arm's flange and of the pads' centre; at most the arm's own, "
-        "which holds where it is left out",
+        "m/s, highest speed of the arm's flange and of the pads' centre; the arm's own where left out",
         above=0,
         most=1e3,
     )
@@ -119,7 +119,7 @@ class Robot(Section):
 def thrown_by(robot: Robot, arm: Arm) -> tuple[int, ...]:
     """The throwing joints: the scene's, else the arm's.
 
-    InputError for joints, a start or a tool speed that the arm does not have.
+    InputError for joints or a start that the arm does not have.
     """
     joints = arm.throwing_joints if robot.throwing_joints is None else robot.throwing_joints
     if not joints:
@@ -130,13 +130,6 @@ def thrown_by(robot: Robot, arm: Arm) -> tuple[int, ...]:
                 f"[robot] throwing_joints = {list(joints)}: each must be another of 1 to "
                 f"{arm.joints} and not the azimuth joint {arm.azimuth_joint}"
             )
-    limit = arm.limits.tool_speed
-    if robot.tool_speed is not None and limit is not None and robot.tool_speed > limit:
-        file = robot.arm if robot.arm.endswith(".toml") else f"arms/{robot.arm}.toml"
-        raise InputError(
-            f"[robot] tool_speed = {robot.tool_speed:g}: must be at most {limit:g} m/s, the "
-            f"tool_speed of {file}"
-        )
     if robot.start is not None:
         check_angles("[robot] start_deg", robot.start, joints, arm)
     return joints
@@ -160,29 +153,31 @@ def check_angles(key: str, angles: Sequence[float], joints: Sequence[int], arm: 
 @dataclasses.dataclass(frozen=True)
 class Torque(Section):
     """Limits of the throwing joints' torques, by inverse dynamics, with the object in the hand and
-    without. Only with [robot], and an arm whose data hold link masses.
+    without, in place of the arm's own. Only with [robot], and an arm whose data hold link masses.
 
-    Without this section the arm's own limits hold, and enter the NLP after a throw has broken them;
-    with it they are in the NLP from the start. The torques neglect friction and rotors of the
-    drives, and the joints that hold the posture. A `rate` lowers the jerk limits of all throwing
-    joints by one factor, by which the inertia of the arm takes nine tenths of it at the worst of
-    500 random poses; the verdict checks the rate itself.
+    Limits of the arm enter the NLP after a throw has broken them; with this section they are in the
+    NLP from the start. The torques neglect friction and rotors of the drives, and the joints that
+    hold the posture. The rate lowers the jerk limits of all throwing joints by one factor, by which
+    the inertia of the arm takes nine tenths of it at the worst of 500 random poses; the verdict
+    checks the rate itself.
     """
+
+    #: Margin where neither scene nor arm gives one.
+    MARGIN: ClassVar[float] = 0.1
 
     limits: tuple[float, ...] | None = optional(
         "N m, one per throwing joint; the arm's own where left out", above=0, most=1e6
     )
     rate: float | None = optional(
         "N m/s, most change of any throwing joint's torque by the motion's commands, the object's "
-        "load fading linearly as the pads open; left out: none",
+        "load fading linearly as the pads open; the arm's own where left out",
         above=0,
         most=1e9,
     )
-    margin: float = quantity(
-        "margin for smoothing and correction, as a share of the limits",
+    margin: float | None = optional(
+        "share of the limits that no throw uses; left out: the arm's own, else 0.1",
         least=0,
         below=0.9,
-        default=0.02,
     )
 
     def of(self, arm: Arm, throwing_joints: tuple[int, ...]) -> tuple[float, ...]:

@@ -255,9 +255,12 @@ class Scene(Section):
             robot=self.robot and self.robot.changed(arm=""),
         )
 
-    def without_clearances(self) -> Scene:
-        """The scene with all clearances zero: clearances are reserves of a plan."""
+    def without_reserves(self) -> Scene:
+        """The scene without the reserves that a plan keeps: clearances and the torque margin are
+        zero, and the torque rate, which limits what a motion commands, is unlimited."""
         changes = dict[str, Any]()
+        if self.arm is not None and self.arm.links:
+            changes["torque"] = (self.torque or Torque()).changed(margin=0.0, rate=math.inf)
         if self.cup is not None:
             changes["cup"] = self.cup.changed(clearance=0.0)
         if self.bounds.palm_clearance is not None:
@@ -292,6 +295,23 @@ class Scene(Section):
             return None
         own = self.arm.limits.tool_speed
         return own if self.robot.tool_speed is None else self.robot.tool_speed
+
+    @property
+    def torque_rate(self) -> float | None:
+        """Largest rate of change [N m/s] of a throwing joint's torque; None without a limit, or
+        for an arm whose masses are not known."""
+        if self.robot is None or self.arm is None or not self.arm.links:
+            return None
+        own = None if self.torque is None else self.torque.rate
+        return self.arm.limits.torque_rate if own is None else own
+
+    @property
+    def torque_margin(self) -> float:
+        """Share of the torque limits that no throw uses: the scene's, else the arm's, else 0.1."""
+        own = None if self.torque is None else self.torque.margin
+        if own is None and self.arm is not None:
+            own = self.arm.limits.torque_margin
+        return Torque.MARGIN if own is None else own
 
     @property
     def com_offset(self) -> float:
@@ -347,16 +367,34 @@ class Scene(Section):
         return {name: spread.deviation for name, spread in spreads.items()}
 
     @property
+    def assumed(self) -> tuple[str, ...]:
+        """Names of the values that neither the scene, a maker nor a measurement gives, such as
+        "gripper.dwell" and "arm.tool_speed"."""
+        sections = {"object": self.object, "contact": self.contact, "gripper": self.gripper}
+        names = [f"{section}.{key}" for section, s in sections.items() for key in s.assumptions]
+        if self.robot is None or self.arm is None:
+            return tuple(names)
+        torque = self.torque or Torque()
+        replaced = {
+            "tool_speed": self.robot.tool_speed,
+            "torque_rate": torque.rate,
+            "torque_margin": torque.margin,
+            "torque": torque.limits,
+        }
+        kept = [key for key in self.arm.assumed if replaced.get(key) is None]
+        return (*names, *(f"arm.{key}" for key in kept))
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Sentences about the defaults of keys that the scene leaves out."""
         sections = {"object": self.object, "contact": self.contact}
-        sentences = [f"[{name}] {words}" for name, s in sections.items() for words in s.assumed]
+        sentences = [
+            f"[{name}] {words}" for name, s in sections.items() for words in s.assumptions.values()
+        ]
         if self.arm is not None:
             words = [*self.arm.notes]
             if self.robot is not None and not self.arm.capsules:
                 words += ["no [[capsules]]: its joints keep off the floor, its links off nothing"]
-            if self.robot is not None and not self.arm.links:
-                words += ["no [[links]]: torques are not checked"]
             sentences += [f"arm {self.arm.name}: {each}" for each in words]
         cup, target = self.cup, self.target
         if cup is not None and target is not None and cup.x == target.x != target.plane_x:

@@ -9,10 +9,10 @@ from typing import Any
 
 from ..models.release import TableGrip
 from ..models.robot import Arm
-from .arms import arm_from, load_arm, load_gripper
+from .arms import GripperData, arm_from, load_arm, load_gripper
 from .checks import InputError, Mistakes, check_arguments, checked, within
 from .files import read_csv, shipped, shipped_text, text_of, toml_tables
-from .grip import held_object
+from .grip import Gripper, held_object
 from .meshes import covered_mesh
 from .poses import Region
 from .scene import MOVERS, SECTIONS, TOP_KEYS, Scene
@@ -74,7 +74,7 @@ def _scene_from(
     arm: the robot's data, in place of the arm named by the scene.
     """
     values: dict[str, Any] = {"file": file, "arm": arm}
-    tables = _with_delay(tables, folder)
+    tables = _with_spread(tables, folder)
     mistakes, fields = Mistakes(), {field.name: field for field in dataclasses.fields(Scene)}
     for key, value in tables.items():
         with mistakes.kept():
@@ -101,13 +101,14 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
         raise InputError(f"{key} = {value!r}: must be a section [{key}]")
     with within(f"[{key}]", " "):
         if key == "gripper":
-            value = _grip_of(value, folder)
-        if key == "gripper" and isinstance(value.get("table"), str):
-            said = ("force", "dwell", "opening", "times", "forces")
-            other = [k for k in value if k in said]
-            if other:
-                raise InputError(f"{other[0]}: not beside 'table', which says it all")
-            value = value | _read_grip_table(value["table"], folder, value.get("raw") is True)
+            data = _gripper_data(value, folder)
+            if isinstance(value.get("table"), str):
+                said = ("force", "dwell", "opening", "times", "forces")
+                other = [k for k in value if k in said]
+                if other:
+                    raise InputError(f"{other[0]}: not beside 'table', which says it all")
+                value = value | _read_grip_table(value["table"], folder, value.get("raw") is True)
+            return from_table(Gripper, value, data=data)
         if key == "motion":
             value = value | _read_motion_samples(value, folder)
         if key == "uncertainty":
@@ -133,34 +134,34 @@ def _with_mesh(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
     return {**table, "mesh": str(path.resolve())}
 
 
-def _grip_of(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
-    """[gripper] with the grip of its file for keys that the scene leaves out."""
-    name = table.get("file")
+def _gripper_data(table: Any, folder: Path | None) -> GripperData | None:
+    """What the file of a table [gripper] holds; None without one."""
+    name = table.get("file") if isinstance(table, Mapping) else None
     if not isinstance(name, str):
-        return dict(table)
+        return None
     with within(f"file = {name!r}"):
-        data = load_gripper(name, folder)
-    if {"table", "times", "forces"} & table.keys():
-        return dict(table)
-    return {key: getattr(data, key) for key in ("force", "dwell", "opening")} | dict(table)
+        return load_gripper(name, folder)
 
 
-def _with_delay(tables: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
-    """The tables with the delay of the gripper's file in [uncertainty], if they leave out that and
-    the dwell that it is about."""
+def _with_spread(tables: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
+    """The tables with delay and opening of the gripper's file in [uncertainty], where they leave
+    out both these and the values that they are about."""
     grip, section = tables.get("gripper"), tables.get("uncertainty", {})
     if not isinstance(grip, Mapping) or not isinstance(section, Mapping):
         return tables
-    name = grip.get("file")
-    if not isinstance(name, str) or "dwell" in grip or "delay" in section:
-        return tables
     try:
-        delay = load_gripper(name, folder).delay
+        data = _gripper_data(grip, folder)
     except InputError:  # said with the section
         return tables
-    if delay is None:
+    if data is None:
         return tables
-    return {**tables, "uncertainty": {**section, "delay": table_of(delay)}}
+    spreads = {"delay": (data.delay, "dwell"), "opening": (data.opening_spread, "opening")}
+    added = {
+        name: table_of(spread)
+        for name, (spread, about) in spreads.items()
+        if spread is not None and not {about, "table", "times"} & grip.keys()
+    }
+    return {**tables, "uncertainty": added | dict(section)} if added else tables
 
 
 def _read_grip_table(name: str, folder: Path | None, raw: bool) -> dict[str, Any]:

@@ -60,8 +60,8 @@ UNSET = float("nan")
 class Section:
     """Base of all sections: checks types, finiteness and limits of its fields."""
 
-    #: Sentences about the defaults of keys that were left out.
-    assumed: ClassVar[tuple[str, ...]] = ()
+    #: Keys that were left out and whose values are assumed, with a sentence about each or "".
+    assumptions: ClassVar[Mapping[str, str]] = types.MappingProxyType({})
 
     def __init_subclass__(cls) -> None:
         """Adds the fields' meanings to the docstring; angles in Python are in radians."""
@@ -85,10 +85,10 @@ class Section:
         mistakes.refuse()
         self.check()
 
-    def assume(self, name: str, value: Any, words: str) -> None:
+    def assume(self, name: str, value: Any, words: str = "") -> None:
         """Sets a field that was left out to `value`, and keeps a sentence about it."""
         object.__setattr__(self, name, value)
-        object.__setattr__(self, "assumed", (*self.assumed, words))
+        object.__setattr__(self, "assumptions", {**self.assumptions, name: words})
 
     def check(self) -> None:
         """Conditions between fields; raises InputError."""

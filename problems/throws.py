@@ -148,7 +148,9 @@ class ThrowData:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences about the defaults of keys that objects leave out."""
-        words = [f"[objects] {words}" for t in self.throws for words in t.object.assumed]
+        words = [
+            f"[objects] {words}" for t in self.throws for words in t.object.assumptions.values()
+        ]
         return tuple(dict.fromkeys(words))
 
     @property

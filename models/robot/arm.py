@@ -117,8 +117,8 @@ class Slowing:
 class JointLimits:
     """Limits per joint: position [rad], velocity [rad/s], acceleration, jerk, torque [N m].
 
-    torque_rate [N m/s]: None if unknown. tool_speed [m/s]: None for an arm without a limit of the
-    tool's speed. slowing: None for constant velocity limits.
+    torque_rate [N m/s], torque_margin (share of `torque`) and tool_speed [m/s] are what the maker
+    recommends; None without a recommendation. slowing: None for constant velocity limits.
     """
 
     position_min: Vector = described("rad, lower end of the range")
@@ -127,11 +127,20 @@ class JointLimits:
     acceleration: Vector = described("rad/s²", above=0)
     jerk: Vector = described("rad/s³", above=0)
     torque: Vector = described("N m", above=0)
-    torque_rate: Vector | None = described(
-        "N m/s, recommended; reported, limited by [torque] rate only", None, above=0
+    torque_rate: float | None = described(
+        "N m/s, of any joint's torque; a scene's [torque] rate replaces it", None, above=0
+    )
+    torque_margin: float | None = described(
+        "share of `torque` that plans leave; a scene's [torque] margin replaces it; left out: 0.1",
+        None,
+        least=0,
+        below=0.9,
     )
     tool_speed: float | None = described(
-        "m/s, of flange and pads' centre; left out: as fast as the joints", None, above=0
+        "m/s, of flange and pads' centre; a scene's [robot] tool_speed replaces it; left out: as "
+        "fast as the joints",
+        None,
+        above=0,
     )
     slowing: Slowing | None = described("section [limits.slowing]", None)
 
@@ -178,6 +187,9 @@ class Arm:
         "links of the URDF that are the hand in [[links]] and [[capsules]]: a scene's [gripper] "
         "file takes their place",
         (),
+    )
+    assumed: tuple[str, ...] = described(
+        "keys of [limits] whose values neither maker nor measurement gives; plans name them", ()
     )
     notes: tuple[str, ...] = described("sentences that plans with this arm repeat", ())
 

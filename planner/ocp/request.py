@@ -48,7 +48,7 @@ PASSING = Margin("passing", extra=0.002, maximum=0.03)
 PALM = Margin("palm", extra=0.002, maximum=0.05, largest=0.01)
 CUP = Margin("cup", extra=2e-4, maximum=0.005)
 CLEAR = Margin("clear", extra=0.003, maximum=0.05, largest=0.005)
-TORQUE = Margin("torque", extra=0.003, maximum=0.3)
+TORQUE = Margin("torque", extra=0.04, maximum=0.3)
 SLOWING = Margin("slowing", extra=0.005, maximum=0.3)
 TOOL_SPEED = Margin("tool speed", extra=0.001, maximum=0.2)
 

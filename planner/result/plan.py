@@ -26,6 +26,7 @@ from ..verdict import (
 )
 from .files import FILES, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan, write_motion
 from .planned_throw import PLAIN, PlannedThrow
+from .recommended import assumed_words, exceeded, exceeded_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,6 +121,13 @@ class Plan:
             return None
         return DelayTolerance.of(self.throw.deciding, self.target)
 
+    @cached_property
+    def exceeds(self) -> dict[str, tuple[float, float]]:
+        """What the throw takes beyond the recommendations of the arm's and the gripper's maker,
+        and these, SI units: of torque_rate, torque, tool_speed and grip_force those that it
+        exceeds."""
+        return {} if self.throw is None else exceeded(self.throw.deciding)
+
     @property
     def solved(self) -> bool:
         """Whether the verdict on the throw that is sent has no broken limit."""
@@ -136,6 +144,11 @@ class Plan:
             **self._landing_entries(),
             "nearest": nearest and nearest.changed(velocity=None, arrival=None).table,
             "binding": list(self.binding),
+            "exceeds": {
+                name: {"value": value, "recommended": most}
+                for name, (value, most) in self.exceeds.items()
+            },
+            "assumed": list(self.scene.assumed),
             "solver": {
                 "name": self.solver,
                 "iterations": self.iterations,
@@ -169,8 +182,7 @@ class Plan:
         if self.verdict.warnings:
             more["warning"] = "; ".join(finding.words for finding in self.verdict.warnings)
         if throw is not None and arm is not None and torque_limits(self.scene) is not None:
-            torques, rates = throw.deciding.torques, arm.limits.torque_rate
-            limit = None if rates is None else min(rates)
+            torques, limit = throw.deciding.torques, self.scene.torque_rate
             more["torque"] = {
                 "use": float(torques.use.max()),
                 "rate": torques.rate,
@@ -266,6 +278,10 @@ class Plan:
             lines.append(f"  {self.throw.deciding.grip_words}")
         if "torque" in result and self.solved:
             lines.append(f"  {self._torque_words(**result['torque'])}")
+        if self.exceeds:
+            lines.append(f"  {exceeded_words(self.exceeds)}")
+        if words := assumed_words(scene):
+            lines.append(f"  {words}")
         lines.append(
             f"  {solver['name']}, {solver['iterations']} iterations in {solver['attempts']} "
             f"solves, {self.variables} variables, {self.constraints} constraints, "
@@ -345,20 +361,12 @@ class Plan:
             f"joint torques at most {100 * use:.0f} % of their limits, torque rate of the motion's "
             f"commands at most {rate:,.0f} N m/s"
         )
-        if rate_limit is not None and rate > rate_limit:
-            words += (
-                f"\n  note: the arm's maker recommends at most {rate_limit:,.0f} N m/s: expect it "
-                "to depart from the\n"
-                f"        commanded motion, or plan with [torque] rate = {rate_limit:g}"
-            )
-        section = self.scene.torque
-        most = rate_limit if section is None or section.rate is None else section.rate
-        if most is not None and self.throw is not None and max(load_step) > most * TICK:
+        if rate_limit is not None and self.throw is not None and max(load_step) > rate_limit * TICK:
             step = max(load_step)
             worst = self.throw.manipulator.joints[load_step.index(step)]
             words += (
                 f"\n  note: as the pads let go, {worst} loses a load of {step:.2f} N m in "
-                f"{1e3 * TICK:g} ms, more than\n        {most:,.0f} N m/s: a disturbance that the "
+                f"{1e3 * TICK:g} ms, more than\n        {rate_limit:,.0f} N m/s: a disturbance that the "
                 "controller feels, not a command; [torque] rate does not limit it"
             )
         return words

@@ -171,7 +171,7 @@ class Recording(ReadOnly):
         judged on the plan's motion: recorded joints are too noisy to differentiate. The time of
         arrival is not judged: a corrected motion begins earlier than its plan's.
         """
-        bare = throw.in_scene(throw.scene.without_clearances())
+        bare = throw.in_scene(throw.scene.without_reserves())
         others = Code.TORQUE, Code.TORQUE_RATE, Code.TOOL_SPEED, Code.ARRIVAL, Code.LANDING
         judged = verdict(bare, sent=plan).without(*others)
         if error is None or judged.cup:

@@ -104,6 +104,7 @@ def _check_torques(scene: Scene, manipulator: Manipulator, q: Array) -> None:
     if limits is None:
         return
     torques = np.abs(rest_torques(scene, manipulator, q, held=given))
+    limits = limits * (1.0 - scene.torque_margin)
     use = torques / limits[:, None]
     if float((use.max(axis=0) <= 1.0).mean()) > HELD_SHARE:
         return
@@ -113,8 +114,8 @@ def _check_torques(scene: Scene, manipulator: Manipulator, q: Array) -> None:
     other = ", or begin elsewhere" if given else ""
     raise InputError(
         f"{scene.place}: {manipulator.joints[worst]} needs {'' if given else 'up to '}{need:.3g} "
-        f"N m to hold {what}, its limit is {most:g} N m: take limits from the data sheet, as "
-        f"[limits] torque in the arm's file or [torque] limits{other}"
+        f"N m to hold {what}, its limit less the margin is {most:.4g} N m: take limits from the "
+        f"data sheet, as [limits] torque in the arm's file or [torque] limits{other}"
     )
 
 

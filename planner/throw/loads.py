@@ -17,8 +17,6 @@ from ...problems import Scene, Torque
 from .manipulator import Manipulator
 from .sending import TICK
 
-#: Torque limits of a scene without [torque].
-BASE = Torque()
 _dynamics = lru_cache(maxsize=8)(PlanarDynamics)
 
 
@@ -76,7 +74,7 @@ def _limits(scene: Scene) -> tuple[float, ...] | None:
     robot, arm = scene.robot, scene.arm
     if robot is None or arm is None or not arm.links:
         return None
-    section = scene.torque or BASE
+    section = scene.torque or Torque()
     return section.of(arm, robot.throwing_joints or arm.throwing_joints)
 
 

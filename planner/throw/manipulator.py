@@ -259,12 +259,12 @@ def _arm_manipulator(scene: Scene) -> Manipulator:
 
 
 def _with_torque_rate(scene: Scene, kinematics: PlanarArm, limits: Limits) -> Limits:
-    """The limits with jerks by which the arm's inertia keeps [torque] rate in random poses.
+    """The limits with jerks by which the arm's inertia keeps the torque rate in random poses.
 
     The torque of a joint changes with the jerks by its row of the mass matrix, at worst by the sum
     of their sizes; gravity, velocities and the object's release get `RATE_RESERVE`.
     """
-    rate = None if scene.torque is None else scene.torque.rate
+    rate = scene.torque_rate
     if rate is None or limits.jerk is None:
         return limits
     dynamics, n = PlanarDynamics(kinematics), len(limits.jerk)

@@ -105,9 +105,10 @@ class Judge:
     def of_success(cls, batch: ThrowBatch) -> Judge:
         """Judges whether throws succeed.
 
-        Clearances of the scene are reserves of the plan: a thrown object fails only on contact.
+        Clearances and the torque margin are reserves of the plan: a thrown object fails only on
+        contact, an arm at its limits. The torque rate limits what the motion commands.
         """
-        bare = batch.throw.in_scene(batch.throw.scene.without_clearances())
+        bare = batch.throw.in_scene(batch.throw.scene.without_reserves())
         return cls(replace(batch, throw=bare))
 
     def verdicts(self, values: Array) -> Verdicts:
@@ -121,9 +122,6 @@ class Judge:
         found[Code.SLIP_BEFORE_OPENING] = self._limits.slips(flights)
         if torque_limits(self.batch.scene) is not None:
             found[Code.TORQUE] = self._limits.strains(flights) & down
-            torque = self.batch.scene.torque
-            if torque is not None and torque.rate is not None:
-                found[Code.TORQUE_RATE] = self._limits.hurries(flights, torque.rate) & down
         found |= {code: np.ones(count, bool) for code in self._motion}
         if self.batch.model in EXACT:
             self._decide(found, np.flatnonzero(self._limits.may_collide(flights)), values)

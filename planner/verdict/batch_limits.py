@@ -163,29 +163,15 @@ class MotionLimits:
             strains |= times[k] >= flights.opened
         return strains
 
-    def hurries(self, flights: BatchFlights, most: float) -> Flags:
-        """Flags (N,) of the throws that change a joint's torque faster than `most` [N m/s]."""
-        times, free, by_force, _ = self._torques
-        loads, hand = _Loads.of(self.batch, flights), self.batch.throw.hand(times)
-        hurries, before = np.zeros(len(flights.late), bool), None
-        for k, time in enumerate(times.tolist()):
-            # While the pads open, the load falls linearly, as in `Torques.rate`.
-            share = np.clip((flights.freed - time) / (flights.freed - flights.opened), 0.0, 1.0)
-            load = share * np.array(loads.wrench(_instant(hand, k)))
-            total = free[:, k, None] + np.einsum("wj,wn->jn", by_force[:, :, k], load)
-            if before is not None:
-                hurries |= (np.abs(total - before) > most * TICK).any(axis=0)
-            before = total
-        return hurries
-
     @cached_property
     def _torques(self) -> tuple[Array, Array, Array, Array]:
         """Times (K,) [s]; torques (n, K) [N m] with an empty hand; torques by force along x, z and
-        torque of a load (3, n, K); limits (n,) [N m]."""
+        torque of a load (3, n, K); limits (n,) [N m], less the margin."""
         throw = self.batch.throw
         times = np.arange(0.0, throw.path.end + TICK / 2, TICK)
         limits = torque_limits(throw.scene)
         assert limits is not None
+        limits = limits * (1.0 - throw.scene.torque_margin)
         return times, *load_torques(throw.scene, throw.manipulator, throw.path, times), limits
 
     # The held bar.

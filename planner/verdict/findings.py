@@ -52,8 +52,8 @@ class Code(Enum):
     )
     TORQUE = (
         "torque",
-        "need more torque than a joint has",
-        "a lighter object, or larger limits in [torque] if the robot allows them",
+        "need more torque than a joint has, less its margin",
+        "a lighter object, a smaller [torque] margin",
     )
     TORQUE_RATE = (
         "torque_rate",
@@ -295,7 +295,10 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     Code.TOOL_SPEED: lambda f: (
         f"tool speed: {f.value:.3f} m/s{_at(f)}, must be at most {f.limit:g} m/s"
     ),
-    Code.TORQUE: lambda f: f"torque of {f.body}: {100 * f.value:.0f} % of its limit{_at(f)}",
+    Code.TORQUE: lambda f: (
+        f"torque of {f.body}: {100 * f.value:.1f} % of its limit{_at(f)}, must be at most "
+        f"{100 * f.limit:g} %"
+    ),
     Code.TORQUE_RATE: lambda f: (
         f"torque rate of the motion's commands: {f.value:,.0f} N m/s, must be at most "
         f"{f.limit:,.0f} N m/s"

@@ -100,7 +100,7 @@ def _torque(motion: _SpatialMotion) -> Iterator[Finding]:
     scene, arm = motion.space.scene, motion.space.kinematics.arm
     if not arm.links:
         return
-    limits = np.array(arm.limits.torque)
+    limits, most = np.array(arm.limits.torque), 1.0 - scene.torque_margin
     throwing, section = np.array(motion.space.kinematics.throwing_joints) - 1, scene.torque
     if section is not None:
         limits[throwing] = section.of(arm, motion.space.kinematics.throwing_joints)
@@ -110,11 +110,11 @@ def _torque(motion: _SpatialMotion) -> Iterator[Finding]:
     states = motion.q, motion.dq, motion.ddq
     torques = motion.space.spatial.torques(*states, scene.gravity, load)
     for j, use in enumerate((np.abs(torques) / limits).T, start=1):
-        yield from _worst(Code.TORQUE, motion.times, use, 1.0, f"joint {j}")
-    if section is not None and section.rate is not None and len(torques) > 1:
+        yield from _worst(Code.TORQUE, motion.times, use, most, f"joint {j}")
+    if scene.torque_rate is not None and len(torques) > 1:
         change = np.abs(np.diff(torques[:, throwing], axis=0)).max(axis=1)
         rates = change / np.diff(motion.times)
-        yield from _worst(Code.TORQUE_RATE, motion.times[1:], rates, section.rate)
+        yield from _worst(Code.TORQUE_RATE, motion.times[1:], rates, scene.torque_rate)
 
 
 def _grip(motion: _SpatialMotion) -> Iterator[Finding]:

@@ -157,16 +157,16 @@ def _tool_speed(throw: Throw) -> Iterator[Finding]:
 
 
 def _torque(throw: Throw) -> Iterator[Finding]:
-    rate = None if throw.scene.torque is None else throw.scene.torque.rate
+    rate, most = throw.scene.torque_rate, 1.0 - throw.scene.torque_margin
     if rate is not None and throw.torques.rate > rate:
         yield Finding(Code.TORQUE_RATE, throw.torques.rate, rate)
-    if throw.measured.torque.value <= 1.0:
+    if throw.measured.torque.value <= most:
         return
     torques = throw.torques
     for name, share in zip(throw.manipulator.joints, torques.use.T, strict=True):
-        if share.max() > 1.0:
+        if share.max() > most:
             when = float(torques.times[share.argmax()])
-            yield Finding(Code.TORQUE, float(share.max()), 1.0, when, name)
+            yield Finding(Code.TORQUE, float(share.max()), most, when, name)
 
 
 def _floor(throw: Throw) -> Iterator[Finding]:

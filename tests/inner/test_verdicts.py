@@ -93,7 +93,7 @@ class CountingJudge(Judge):
 def scattered(plan: tp.Plan, seed: int = 1) -> tuple[CountingJudge, np.ndarray]:
     """A plan's throws with samples of all that is uncertain."""
     assert plan.solved and plan.throw is not None
-    bare = plan.scene.without_clearances().aimed_at(plan.goal)
+    bare = plan.scene.without_reserves().aimed_at(plan.goal)
     sampler = sampler_of(plan.scene, seed)
     batch = ThrowBatch.of(
         plan.throw.deciding.in_scene(bare), plan.goal, sampler.names, (-0.03, 0.03, 0.06)
@@ -167,7 +167,7 @@ def test_obstacles_are_met_by_the_same_throws() -> None:
     for above in np.arange(0.03, 0.3, 0.005):
         place = float(flown[0, at]), 0.0, float(flown[1, at]) + above
         ball = Obstacle(name="ball", kind="sphere", size=(0.03,), position=place)
-        scene = throw.scene.replace(obstacle=(ball,)).without_clearances()
+        scene = throw.scene.replace(obstacle=(ball,)).without_reserves()
         batch = ThrowBatch.of(throw.in_scene(scene), plan.goal, sampler.names, (-0.03, 0.03, 0.06))
         hits = Judge(batch).verdicts(values).breaks(Code.COLLISION)
         if 0 < hits.sum() < COUNT:

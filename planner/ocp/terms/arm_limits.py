@@ -8,7 +8,6 @@ from typing import Self
 import casadi as ca
 
 from ....models.robot import PlanarArm, PlanarDynamics, flange_velocity
-from ....problems import Torque
 from ...throw import torque_limits
 from ..request import TOOL_SPEED, Request
 from ..scene_constraint import Brake, Instant, Load, SceneConstraint
@@ -93,7 +92,7 @@ class TorqueLimits(SceneConstraint):
         scene, limits = request.scene, torque_limits(request.scene)
         if limits is None or (scene.torque is None and "torque" not in request.refinement.lazy):
             return None
-        margin = (scene.torque or Torque()).margin + request.refinement.margins["torque"]
+        margin = scene.torque_margin + request.refinement.margins["torque"]
         return cls({"torque_max": (1 - margin) * limits})
 
     def at_instant(self, at: Instant) -> None:
