@@ -317,8 +317,9 @@ class Gripper(Section):
         "a CSV file with the columns t and f_N instead of `times` and `forces`, read as these"
     )
     file: str | None = optional(
-        "a shipped gripper (`franka-hand`, `robotiq-2f-85`) or a gripper data file (.toml): its body in place of "
-        "the arm's own hand, and its `force`, `dwell` and `opening` where they are left out"
+        "a shipped gripper (`franka-hand`, `robotiq-2f-85`) or a gripper data file (.toml): its "
+        "body in place of the arm's own hand, and its `force`, `dwell` and `opening` where they "
+        "are left out"
     )
     continuous: float | None = optional(
         "N, of one pad, what the gripper holds continuously: a plan with more says so; left out: "

@@ -95,7 +95,8 @@ class Robot(Section):
         default="jerk",
     )
     tool_speed: float | None = optional(
-        "m/s, highest speed of the arm's flange and of the pads' centre; the arm's own where left out",
+        "m/s, highest speed of the arm's flange and of the pads' centre; the arm's own where left "
+        "out",
         above=0,
         most=1e3,
     )

@@ -45,6 +45,8 @@ ANY_SCENE: dict[str, Any] = {
     "target": {"x": 1.0, "z": 0.0},
 }
 LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3", "torque": "N m"}
+#: Recommendations that are assumed where no option gives them, and their units.
+ASSUMED = {"tool_speed": (1.5, "m/s"), "torque_rate": (1000.0, "N m/s")}
 
 
 def arguments(add: Add) -> None:
@@ -87,6 +89,12 @@ def arguments(add: Add) -> None:
         words = f"{name.replace('_', ' ')} limits [{LIMIT_UNITS.get(name, 'deg')}]: one for all "
         words += "joints or one per joint; - keeps the URDF's"
         add(option, nargs="+", type=number(other="-"), metavar="VALUE", help=words)
+    words = "highest speed that the maker recommends, of flange and pads' centre (default: "
+    words += "1.5 m/s, assumed)"
+    add("--tool-speed", type=number(1e-3), metavar="M/S", help=words)
+    words = "largest rate of any joint's torque that the maker recommends (default: 1000 N m/s, "
+    words += "assumed)"
+    add("--torque-rate", type=number(1e-3), metavar="N_M/S", help=words)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -126,6 +134,15 @@ def run(options: argparse.Namespace) -> int:
     return DONE
 
 
+def _with_recommendations(arm: Arm, options: argparse.Namespace) -> Arm:
+    """The arm with the recommended tool speed and, if its masses are known, torque rate."""
+    names = ["tool_speed", "torque_rate"] if arm.links else ["tool_speed"]
+    given = {name: getattr(options, name) for name in names}
+    assumed = tuple(name for name, value in given.items() if value is None)
+    limits = dataclasses.replace(arm.limits, **given | {name: ASSUMED[name][0] for name in assumed})
+    return dataclasses.replace(arm, limits=limits, assumed=assumed)
+
+
 def _argument(word: str) -> tuple[str, str]:
     """Name and value of a xacro's argument."""
     name, sign, value = word.partition(":=")
@@ -162,6 +179,7 @@ def _import(options: argparse.Namespace, robot: Any) -> _Import:
     arm = arm_of(chain, limits_of(chain, _given_limits(options)), _choices(options, chain))
     shapes = link_shapes(chain, urdf_file(Path(options.urdf)), chain.length + options.tcp)
     arm = dataclasses.replace(arm, capsules=shapes.capsules, cover=shapes.cover)
+    arm = _with_recommendations(arm, options)
     arm = arm_from(toml_tables(arm_text(arm), options.out))
     _check_takes(options, arm)
     difference = kinematics_difference(arm, chain)
@@ -335,6 +353,7 @@ def _facts(options: argparse.Namespace, arm: Arm, chain: UrdfChain) -> dict[str,
         "throwing": [names[joint] for joint in arm.throwing_joints],
         "posture_deg": [math.degrees(angle) for angle in arm.posture],
         "limits": {k: v for k, v in dataclasses.asdict(arm.limits).items() if v is not None},
+        "assumed": list(arm.assumed),
         "mass": sum(link.mass for link in arm.links) if arm.links else None,
     }
 
@@ -417,7 +436,18 @@ def _text(options: argparse.Namespace, result: dict[str, Any], held: str) -> str
             "COLLADA meshes whose up axis is not z, taken as they stand, as in RViz and MoveIt: "
             + ", ".join(result["not_z_up"])
         )
-    lines.append(f"moved mass {mass:.4g} kg" if mass is not None else "no masses in the URDF")
+    lines.append(
+        f"moved mass {mass:.4g} kg"
+        if mass is not None
+        else "no masses in the URDF: torques are not checked"
+    )
+    if result["assumed"]:
+        values = ((name, *ASSUMED[name]) for name in result["assumed"])
+        said = (
+            f"{name.replace('_', ' ')} {value:g} {unit} (--{name.replace('_', '-')})"
+            for name, value, unit in values
+        )
+        lines.append(f"assumed: {', '.join(said)}")
     lines.append(
         f"kinematics at {result['states']} random states: at most {result['difference']:.1e} "
         "from yourdfpy's"

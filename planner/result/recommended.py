@@ -9,12 +9,12 @@ import numpy as np
 from ...problems import Scene, Torque
 from ..throw import Throw
 
-#: Names of recommendations: words, and unit with its scale from SI.
+#: Names of recommendations: words, unit with its scale from SI, and decimals.
 _WORDS = {
-    "torque_rate": ("torque rate", "N m/s", 1.0),
-    "torque": ("joint torque", "% of its limit", 100.0),
-    "tool_speed": ("tool speed", "m/s", 1.0),
-    "grip_force": ("grip force", "N", 1.0),
+    "torque_rate": ("torque rate", "N m/s", 1.0, 0),
+    "torque": ("joint torque", "% of its limit", 100.0, 0),
+    "tool_speed": ("tool speed", "m/s", 1.0, 2),
+    "grip_force": ("grip force", "N", 1.0, 0),
 }
 
 
@@ -45,8 +45,8 @@ def exceeded_words(found: Mapping[str, tuple[float, float]]) -> str:
     """What a throw exceeds, and by how much, in one line."""
     parts = []
     for name, values in found.items():
-        words, unit, scale = _WORDS[name]
-        value, most = (f"{scale * each:,.4g}" for each in values)
+        words, unit, scale, decimals = _WORDS[name]
+        value, most = (f"{scale * each:,.{decimals}f}" for each in values)
         parts.append(f"{words} {value} instead of {most} {unit}")
     return f"more than the maker recommends: {', '.join(parts)}"
 

@@ -15,7 +15,7 @@ from throwplan.planner.verdict import Code, verdict
 
 #: Interval [s] of the differences.
 STEP = 2e-4
-#: Below the 1.49 m/s of `pose` without a limit.
+#: Below the speed of `pose` without a limit.
 SLOW = 1.2
 FREE = {"tool_speed": None}
 

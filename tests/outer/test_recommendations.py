@@ -1,0 +1,125 @@
+"""Plans keep what makers recommend, say what goes beyond it, and name what is assumed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from builders import varied
+from throwplan.models.robot import SpatialArm
+from throwplan.planner.throw import TICK
+from throwplan.planner.verdict import Code, verdict
+
+from oracle import read_oracle
+
+ARM_SCENES = [name for name in tp.scene_names() if tp.load_scene(name).robot is not None]
+EVERY_DAY = ("cup", "pose", "ur5e")
+#: A URDF of an arm with two throwing joints; {inertial} is each link's.
+LINK = '<link name="l{i}">{inertial}</link><joint name="j{i}" type="revolute"><parent link="l{p}"/>'
+LINK += '<child link="l{i}"/><origin xyz="0 0 {z}"/><axis xyz="{axis}"/><limit lower="-2" upper="2"'
+LINK += ' effort="80" velocity="3"/></joint>'
+INERTIAL = '<inertial><mass value="1"/><origin xyz="0 0 0.1"/><inertia ixx="0.01" iyy="0.01"'
+INERTIAL += ' izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+
+def urdf_of(inertial: str) -> str:
+    axes = enumerate(("0 0 1", "0 1 0", "0 1 0"), start=1)
+    links = (LINK.format(i=i, p=i - 1, z=0.3, axis=axis, inertial=inertial) for i, axis in axes)
+    return f'<robot name="own"><link name="l0"/>{"".join(links)}</robot>'
+
+
+def tool_speed(plan: tp.Plan) -> float:
+    """Highest speed [m/s] of flange and pads' centre, by differences of what is sent."""
+    path, arm = plan.path(), plan.scene.arm
+    flange = SpatialArm(arm).frames(path.joints)[-1]
+    pads = flange[:, :3, 3] + arm.tool.tcp * flange[:, :3, 2]
+    moved = np.diff([flange[:, :3, 3], pads], axis=1) / TICK
+    return float(np.linalg.norm(moved, axis=2).max())
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in EVERY_DAY else pytest.param(n, marks=pytest.mark.slow) for n in ARM_SCENES]
+)
+def test_shipped_scenes_keep_all_that_makers_recommend(plan_of, saved, name: str) -> None:
+    """Tool speed and torque by code of their own; no shipped scene has a warning."""
+    plan = plan_of(name)
+    assert plan.solved and not plan.exceeds and not plan.verdict.warnings
+    limits = plan.scene.arm.limits
+    assert tool_speed(plan) <= limits.tool_speed * (1 + 1e-6)
+    throw = plan.throw.deciding
+    found = read_oracle(saved(name)).judge(planned=True).found
+    assert float(found["torque"].value[0]) <= 0.9 + 1e-4
+    assert throw.torques.rate <= limits.torque_rate
+
+
+def test_the_verdict_keeps_the_margin_that_the_nlp_keeps() -> None:
+    """A throw that uses more than the margin leaves is not solved; with a smaller margin it is."""
+    wide = tp.plan(varied(tp.load_scene("pose"), torque=tp.Torque(margin=0.0)))
+    throw = wide.throw.deciding
+    use = float(throw.torques.use.max())
+    assert wide.solved and use > 0.9
+    for margin, kept in ((1 - use + 0.01, False), (1 - use - 0.01, True)):
+        scene = varied(throw.scene, torque=tp.Torque(margin=margin))
+        assert (Code.TORQUE not in verdict(throw.in_scene(scene)).codes) == kept
+
+
+def test_a_scene_may_ask_for_more_and_the_plan_says_by_how_much() -> None:
+    scene = tp.load_scene("pose")
+    scene = varied(
+        scene,
+        torque=tp.Torque(rate=2e4, margin=0.02),
+        robot={"tool_speed": 2.5},
+        gripper={"force": 120.0},
+    )
+    plan = tp.plan(scene)
+    said = plan.to_dict()["exceeds"]
+    assert plan.solved
+    assert said["grip_force"] == {"value": 120.0, "recommended": 70.0}
+    assert said["torque_rate"]["recommended"] == 1000.0
+    assert 1000.0 < said["torque_rate"]["value"] <= 2e4
+    assert plan.summary().count("more than the maker recommends") == 1
+
+
+def test_a_scene_takes_no_more_than_the_grippers_peak(tmp_path: Path, run) -> None:
+    text = tp.scene_text("pose").replace("force = 70.0", "force = 141.0")
+    (tmp_path / "strong.toml").write_text(text, encoding="utf-8")
+    said = run("plan", tmp_path / "strong.toml")
+    assert said.status == 2 and "[gripper] force = 141" in said.err and "140 N" in said.err
+
+
+def test_a_grippers_spread_is_the_scenes_uncertainty_where_that_is_silent(tmp_path: Path) -> None:
+    shipped = Path(tp.__file__).parent / "problems" / "grippers" / "franka-hand.toml"
+    lines = "delay = {{ uniform = 0.004 }}\nopening_spread = {{ uniform = 0.5, relative = true }}\n"
+    text = shipped.read_text(encoding="utf-8").replace("capsules", lines.format() + "capsules", 1)
+    (tmp_path / "hand.toml").write_text(text, encoding="utf-8")
+    scene_text = tp.scene_text("pose").replace('"franka-hand"', '"hand.toml"')
+    for name, more in (("silent", ""), ("own", "dwell = 0.06\nopening = 0.04\n")):
+        file = tmp_path / f"{name}.toml"
+        file.write_text(scene_text.replace("force = 70.0", f"{more}force = 70.0"), encoding="utf-8")
+    silent, own = (tp.load_scene(tmp_path / f"{name}.toml") for name in ("silent", "own"))
+    assert silent.uncertainty.delay.uniform == 0.004
+    assert silent.uncertainty.opening.uniform == 0.5 and silent.uncertainty.opening.relative
+    assert own.uncertainty is None
+    assert set(silent.assumed) - set(own.assumed) == {"gripper.dwell", "gripper.opening"}
+
+
+@pytest.mark.parametrize("inertial", [INERTIAL, ""], ids=["masses", "no masses"])
+def test_plans_of_an_imported_arm_say_what_is_assumed(tmp_path: Path, run, inertial: str) -> None:
+    (tmp_path / "own.urdf").write_text(urdf_of(inertial), encoding="utf-8")
+    arm = tmp_path / "own.toml"
+    options = "import-robot --tool l3 --acceleration 10 --jerk 500 --json --tcp 0.1"
+    words = [tmp_path / "own.urdf", "--out", arm]
+    assumed = ["tool_speed", "torque_rate"] if inertial else ["tool_speed"]
+    assert run(options, *words).json["assumed"] == assumed
+    scene = tp.scene_text("ur5e").replace('"ur5e"', '"own.toml"').replace("x = 1.2 ", "x = 0.5 ")
+    scene = scene.replace('file = "robotiq-2f-85"', "force = 60.0\nopening = 0.05")
+    (tmp_path / "own-scene.toml").write_text(scene, encoding="utf-8")
+    said = run("plan", tmp_path / "own-scene.toml", "--json")
+    assert json.loads(said.out)["assumed"] == [f"arm.{name}" for name in assumed]
+    line = run("plan", tmp_path / "own-scene.toml").out
+    assert "arm tool speed" in line and ("torques are not checked" in line) == (not inertial)
+    options += " --force --tool-speed 1.2 --torque-rate 900"
+    assert run(options, *words).json["assumed"] == []
