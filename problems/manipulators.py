@@ -159,7 +159,7 @@ class Torque(Section):
     Limits of the arm enter the NLP after a throw has broken them; with this section they are in the
     NLP from the start. The torques neglect friction and rotors of the drives, and the joints that
     hold the posture. The rate lowers the jerk limits of all throwing joints by one factor, by which
-    the inertia of the arm takes nine tenths of it at the worst of 500 random poses; the verdict
+    the inertia of the arm takes 85 % of it at the worst of 500 random poses; the verdict
     checks the rate itself.
     """
 

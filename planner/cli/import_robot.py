@@ -385,6 +385,15 @@ def _moved(origin: Any) -> str:
     return f" moved to x {x:.4f}, y {y:.4f} m" if x or y else ""
 
 
+def _assumed(names: list[str]) -> list[str]:
+    """A line on the recommendations that no option gives, if any."""
+    words = [
+        "{} {:g} {} (--{})".format(name.replace("_", " "), *ASSUMED[name], name.replace("_", "-"))
+        for name in names
+    ]
+    return [f"assumed: {', '.join(words)}"] if words else []
+
+
 def _text(options: argparse.Namespace, result: dict[str, Any], held: str) -> str:
     """The arm as text; held: words for the joints that are."""
     mass, angles = result["mass"], " ".join(f"{angle:.6g}" for angle in result["posture_deg"])
@@ -441,13 +450,7 @@ def _text(options: argparse.Namespace, result: dict[str, Any], held: str) -> str
         if mass is not None
         else "no masses in the URDF: torques are not checked"
     )
-    if result["assumed"]:
-        values = ((name, *ASSUMED[name]) for name in result["assumed"])
-        said = (
-            f"{name.replace('_', ' ')} {value:g} {unit} (--{name.replace('_', '-')})"
-            for name, value, unit in values
-        )
-        lines.append(f"assumed: {', '.join(said)}")
+    lines += _assumed(result["assumed"])
     lines.append(
         f"kinematics at {result['states']} random states: at most {result['difference']:.1e} "
         "from yourdfpy's"

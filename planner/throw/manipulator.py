@@ -29,7 +29,7 @@ SQUARE = 1 - 1e-6
 ROUNDING = 1e-9
 #: Share of [torque] rate that the jerks' limits leave to all else, and number of poses [-] at which
 #: the arm's inertia is computed.
-RATE_RESERVE, RATE_POSES = 0.1, 500
+RATE_RESERVE, RATE_POSES = 0.15, 500
 
 
 @dataclass(frozen=True)

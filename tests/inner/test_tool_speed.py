@@ -58,9 +58,9 @@ def test_a_slower_tool_changes_the_throw(free_plan) -> None:
     assert 0.95 * SLOW < fastest(plan) <= SLOW
 
 
-@pytest.mark.parametrize(("x", "theta"), [(-1.4, 3.7), (1.4, -1.2), (1.4, -1.8)])
+@pytest.mark.parametrize(("x", "theta"), [(-1.4, 3.7), (1.4, -1.2)])
 def test_far_throws_keep_the_pandas_limit(pose_planner, x: float, theta: float) -> None:
-    """Each of them would be thrown faster, at 2.08 to 2.31 m/s."""
+    """Without the limit each of them would be thrown faster."""
     plan = pose_planner.plan(tp.Pose(x=x, z=0.1, theta=theta))
     assert plan.solved
     assert 1.95 < fastest(plan) <= 2.0

@@ -136,25 +136,6 @@ def test_throws_together_are_judged_as_each_by_itself(name: str, tmp_path) -> No
         assert 0 < slips.sum() < COUNT
 
 
-def test_a_torque_rate_follows_the_load_of_each_throw(plan_of) -> None:
-    """The limit is just above the planned throw's rate: heavier objects break it."""
-    plan = plan_of("pose")
-    throw = plan.throw.deciding
-    scene = plan.scene.changed(
-        torque=tp.Torque(rate=1.0005 * throw.torques.rate),
-        tolerance=tp.Tolerance(position=0.2, angle=1.5),
-        uncertainty=Uncertainty(
-            opening=spread(0.1, relative=True), mass=spread(0.1, relative=True)
-        ),
-    )
-    throw = throw.in_scene(scene.aimed_at(plan.goal))
-    sampler = sampler_of(scene, 1)
-    batch = ThrowBatch.of(throw, plan.goal, sampler.names, (-0.03, 0.03, 0.06))
-    judge, values = Judge(batch), sampler.draw(0, 64)
-    assert Code.TORQUE_RATE in assert_the_same(judge, values)
-    assert 0.1 < judge.verdicts(values).breaks(Code.TORQUE_RATE).mean() < 0.9
-
-
 @pytest.mark.slow
 def test_obstacles_are_met_by_the_same_throws() -> None:
     """A ball above the planned flight, in the way of some of the others."""
@@ -229,7 +210,7 @@ def test_findings_say_value_limit_time_and_body(cup_plan) -> None:
     throw, scene = cup_plan.throw.deciding, cup_plan.scene
     weaker = scene.replace(gripper=replace(scene.gripper, force=30.0))
     (slip,) = (f for f in verdict(throw.in_scene(weaker)).broken if "slip" in f.code.value)
-    assert slip.value == pytest.approx(4.0 * throw.measured.grip.value, rel=1e-9)
+    assert slip.value == pytest.approx(7 / 3 * throw.measured.grip.value, rel=1e-9)
     assert slip.limit == 1.0 and slip.time == pytest.approx(throw.measured.grip.time)
     high = scene.replace(workspace=replace(scene.workspace, floor=0.6))
     floor = [f for f in verdict(throw.in_scene(high)).broken if f.code is Code.FLOOR]
@@ -252,7 +233,11 @@ def test_an_exceeded_reserve_names_a_robust_plan_first(plan_of) -> None:
 
 
 def test_a_plan_s_json_has_its_findings(plan_of) -> None:
-    solved = plan_of("hand-flip").to_dict()
+    plan = plan_of("hand-flip")
+    narrow = plan.scene.changed(tolerance=tp.Tolerance(position=5e-4, angle=0.0035))
+    throw = plan.throw.deciding.in_scene(narrow)
+    plan = replace(plan, scene=narrow, throw=replace(plan.throw, deciding=throw))
+    solved = plan.to_dict()
     assert [found["code"] for found in solved["findings"]] == ["models_differ"]
     assert (
         solved["findings"][0]["words"] == solved["warning"] and not solved["findings"][0]["broken"]
