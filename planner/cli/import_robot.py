@@ -387,10 +387,11 @@ def _moved(origin: Any) -> str:
 
 def _assumed(names: list[str]) -> list[str]:
     """A line on the recommendations that no option gives, if any."""
-    words = [
-        "{} {:g} {} (--{})".format(name.replace("_", " "), *ASSUMED[name], name.replace("_", "-"))
-        for name in names
-    ]
+    words = list[str]()
+    for name in names:
+        value, unit = ASSUMED[name]
+        option = name.replace("_", "-")
+        words.append(f"{name.replace('_', ' ')} {value:g} {unit} (--{option})")
     return [f"assumed: {', '.join(words)}"] if words else []
 
 
