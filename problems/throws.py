@@ -6,12 +6,9 @@ files of motion and grip force. docs/throw-data.md describes the format.
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,19 +19,9 @@ from ..models.release import TableGrip
 from ..models.robot import Arm
 from .arms import load_arm, load_gripper
 from .checks import InputError, check_arguments, within
-from .files import (
-    csv_lines,
-    filling,
-    read_csv,
-    read_text,
-    shipped,
-    table_number,
-    toml_key,
-    toml_lines,
-    toml_tables,
-)
+from .files import csv_lines, read_csv, read_text, table_number, toml_tables
 from .grip import COEFFICIENT_WORDS, SHAPE_WORDS, Grasp, ThrownObject, held_object, surface_shape
-from .section import Section, from_table, meanings, optional, quantity, table_of, unknown
+from .section import Section, from_table, optional, quantity, unknown
 
 #: Required columns of throws.csv.
 NEEDED = ("throw", "object", "motion", "grip", "command")
@@ -42,10 +29,6 @@ NEEDED = ("throw", "object", "motion", "grip", "command")
 LANDING = ("x", "z", "theta")
 #: Optional columns of throws.csv; any other column is a factor, a label.
 MORE = ("track", "grasp_offset", "grasp_angle_deg")
-#: Files and folders of a data set, dataset.toml last.
-THROW_DATA_FILES = ("motion", "grip", "track", "throws.csv", "dataset.toml")
-#: Format of numbers: nine digits.
-FORMAT = "%.9g"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -316,82 +299,3 @@ def _number(row: Mapping[str, str], key: str, default: float | None = None) -> f
     """A cell's number; empty or absent is the default, if there is one."""
     word = row.get(key, "")
     return default if not word and default is not None else table_number(key, word)
-
-
-# Writing.
-
-
-def write_throws(
-    data: ThrowData, folder: str | Path, objects: Mapping[ThrownObject, str] | None = None
-) -> None:
-    """Write dataset.toml, throws.csv and the recordings into `folder`, made if need be, in place
-    of those of an earlier data set.
-
-    `load_throws` reads it back to 9 digits; the grip force is sampled at 1 kHz.
-    objects: their names in the files, else object1, object2 and so on. Raises InputError
-    for a folder that cannot be written and an arm's or a gripper's file that it does not hold.
-    """
-    folder = Path(folder)
-    kinds = dict.fromkeys(throw.object for throw in data.throws)
-    names = {one: f"object{i}" for i, one in enumerate(kinds, start=1)} | dict(objects or {})
-    for kind, name in (("arm", data.shared.arm), ("gripper", data.shared.gripper)):
-        if name is not None and name not in shipped(f"{kind}s") and not (folder / name).is_file():
-            raise InputError(f"{folder}: holds no {name}: copy the {kind}'s file there first")
-    files = _file_names(data.throws)
-    text = _head_text(data, {one: names[one] for one in kinds})
-    with filling(folder, THROW_DATA_FILES) as scratch:
-        for kind in ("motion", "grip", "track"):
-            if kind != "track" or any(throw.track is not None for throw in data.throws):
-                (scratch / kind).mkdir()
-        (scratch / "dataset.toml").write_text(text, encoding="utf-8")
-        (scratch / "throws.csv").write_text(_rows_text(data, names, files), encoding="utf-8")
-        for throw, file in zip(data.throws, files, strict=True):
-            motion = np.column_stack([throw.times, throw.motion])
-            for kind, columns, rows in (
-                ("motion", _motion_columns(data.arm), motion),
-                ("grip", ("t", "f_N"), throw.grip.samples()),
-                ("track", ("t", *LANDING), throw.track),
-            ):
-                if rows is not None:
-                    path, header = scratch / kind / file, ",".join(columns)
-                    np.savetxt(path, rows, FORMAT, ",", header=header, comments="")
-
-
-def _head_text(data: ThrowData, objects: Mapping[ThrownObject, str]) -> str:
-    """dataset.toml."""
-    table = table_of(data.shared) | {"objects": {n: table_of(o) for o, n in objects.items()}}
-    words = {"": meanings(Shared)}
-    words |= {f"objects.{toml_key(name)}": meanings(ThrownObject) for name in objects.values()}
-    if data.truth:
-        table["truth"] = {key: float(value) for key, value in data.truth.items()}
-        words["truth"] = {"": "what made the throws: for comparison only, no fit reads it"}
-    return "\n".join(toml_lines(table, words)) + "\n"
-
-
-def _rows_text(data: ThrowData, objects: Mapping[ThrownObject, str], files: Sequence[str]) -> str:
-    """throws.csv."""
-    factors = list(data.factors)
-    columns = ["throw", "object", *factors, "command", "grasp_offset", "grasp_angle_deg"]
-    columns += [*LANDING, "motion", "grip", "track"]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    for throw, file in zip(data.throws, files, strict=True):
-        grasp = (throw.command, throw.grasp.offset, np.degrees(throw.grasp.angle))
-        landing = throw.landing or ("", "", "")
-        writer.writerow(
-            [throw.name, objects[throw.object]]
-            + [throw.factors.get(name, "") for name in factors]
-            + [value if isinstance(value, str) else FORMAT % value for value in (*grasp, *landing)]
-            + [f"motion/{file}", f"grip/{file}", "" if throw.track is None else f"track/{file}"]
-        )
-    return text.getvalue()
-
-
-def _file_names(throws: Sequence[MeasuredThrow]) -> list[str]:
-    """A file's name per throw: the throw's own, or its number where that makes none."""
-    names = [throw.name for throw in throws]
-    plain = all(re.fullmatch(r"[A-Za-z0-9_-]+", name) for name in names)
-    if plain and len({name.lower() for name in names}) == len(names):
-        return [f"{name}.csv" for name in names]
-    return [f"{number:04d}.csv" for number in range(1, len(names) + 1)]

@@ -19,6 +19,15 @@ from throwplan.planner.verdict import grip_use
 
 from oracle.motion import ArmMotion, Samples
 
+#: The data set of 90 made throws, and its true product of friction and patch radius [m].
+MADE_THROWS = Path(__file__).parents[1] / "examples" / "throws"
+MADE_PRODUCT = 0.8 * 0.0031
+
+
+def made_throws() -> tp.ThrowData:
+    """One of the made throws for each of their 18 conditions."""
+    return tp.load_throws(MADE_THROWS).picked(list(range(0, 90, 5)))
+
 
 def varied(scene: tp.Scene, limits: dict[str, Any] | None = None, **sections: Any) -> tp.Scene:
     """The scene with other values in its sections, and in its arm's limits."""

@@ -39,10 +39,8 @@ COMMANDS = {
     "export": (saved_plans.export_arguments, saved_plans.export),
     "import-robot": (import_robot.arguments, import_robot.run),
     "import-object": (import_object.arguments, import_object.run),
-    "make-throws": (measured.make_throws_arguments, measured.make_synthetic),
     "identify": (measured.identify_arguments, measured.identify_models),
     "calibrate": (measured.calibrate_arguments, measured.calibrate_scene),
-    "validate": (measured.validate_arguments, measured.validate_models),
 }
 #: Longest word [characters] of a printed message; longer words are cut.
 LONGEST = 1000

@@ -1,42 +1,26 @@
-"""Commands on measured throws: `make-throws`, `identify`, `calibrate`, `validate`."""
+"""Commands on measured throws: `identify`, `calibrate`."""
 
 from __future__ import annotations
 
 import argparse
-import math
-import statistics
-import time
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
+from ...models.release import STEPPED_SURFACE
 from ...problems import Calibration, InputError
-from ...problems.files import prepare_folder, read_text, toml_tables
 from ...problems.scene_files import load_scene
-from ...problems.throws import THROW_DATA_FILES, ThrowData, load_throws, write_throws
+from ...problems.throws import ThrowData, load_throws
 from ..identify import (
     CALIBRATE_FILES,
+    FITTED,
     IDENTIFY_FILES,
     calibrate,
     check_model,
+    compare,
     identify,
     one_surface,
     save_identified,
     summary_of,
-)
-from ..validation import (
-    BARS,
-    PAPER_MODELS,
-    VALIDATION_FILES,
-    Flown,
-    Noise,
-    SynthesisConfig,
-    as_dict,
-    as_text,
-    make_throws,
-    save_validation,
-    validate,
 )
 from .common import (
     DONE,
@@ -52,67 +36,6 @@ from .common import (
 )
 
 DATA = "a folder with dataset.toml and throws.csv"
-#: The models of `--model all`.
-FITTED = (SLIDING_PIVOT, STEPPED_SURFACE)
-
-
-def make_throws_arguments(add: Add) -> None:
-    """The options of `make-throws`."""
-    words = "of the noise (default: 1)"
-    add("--seed", type=integer(0, 2**32 - 1), metavar="N", default=1, help=words)
-    laws = "true release law: a rigid meshed patch (default) or LuGre bristles"
-    add("--truth", choices=("patch", "lugre"), default="patch", help=laws)
-    words = "of LuGre's bristles, 1/m (default: 1e6)"
-    add("--stiffness", type=number(1e3, 1e9), metavar="NUMBER", help=words)
-    words = "true friction (default: 0.8)"
-    add("--friction", type=number(0.01, 10), metavar="NUMBER", default=0.8, help=words)
-    words = "true patch radius, m (default: 0.0031)"
-    add("--patch-radius", type=number(1e-4, 0.05), metavar="NUMBER", default=0.0031, help=words)
-    words = "throws per condition (default: 5)"
-    add("--repeats", type=integer(1, 100), metavar="N", default=5, help=words)
-    add("--no-noise", action="store_true", help="no scatter, exact measurements")
-    add("--factors", action="store_true", help="and throws that vary surface, payload, inertia")
-    add_out(add, "dataset.toml, throws.csv and the recordings (needed)")
-
-
-def make_synthetic(options: argparse.Namespace) -> int:
-    """Make a synthetic data set of measured throws.
-
-    example: throwplan make-throws --out out/throws
-    """
-    started = time.perf_counter()
-    lugre = options.truth == "lugre"
-    if options.stiffness is not None and not lugre:
-        raise InputError("--stiffness: only with --truth lugre")
-    config = SynthesisConfig(
-        stiffness=options.stiffness or 1e6 if lugre else None,
-        friction=options.friction,
-        patch_radius=options.patch_radius,
-        repeats=options.repeats,
-        factors=options.factors,
-        noise=Noise.none() if options.no_noise else Noise(),
-        seed=options.seed,
-    )
-    if options.out is None:
-        raise InputError("--out: needs a folder's name")
-    folder = Path(options.out)
-    _check_place(folder)
-    with Progress("make-throws") as progress:
-        data, flown = make_throws(config, progress)
-    write_throws(data, folder, {bar: name for name, bar in BARS.items()})
-    found = _ranges(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
-    x, theta = found["landing"].values()
-    flight = found["flight_time"]
-    text = (
-        f"{folder}: {found['throws']} synthetic throws, {found['batch']} of them the batch\n"
-        f"  {found['synthetic']}\n"
-        f"  landings at z = {data.shared.landing_height:g} m: x {x[0]:.2f} to {x[1]:.2f} m, "
-        f"theta {theta[0]:.0f} to {theta[1]:.0f} deg\n"
-        f"  flight time of the batch: {flight['mean']:.3f} s, standard deviation "
-        f"{flight['std']:.3f} s; made in {found['seconds']:.0f} s"
-    )
-    print_result(options, {"folder": str(folder)} | found, text)
-    return DONE
 
 
 def identify_arguments(add: Add) -> None:
@@ -128,7 +51,7 @@ def identify_arguments(add: Add) -> None:
         help="scene whose [contact] and [uncertainty] say what is believed before",
     )
     _add_selection(add)
-    add_out(add, "identify.json, contact.toml, a picture")
+    add_out(add, "identify.json, contact.toml, a picture; for all: comparison.csv")
 
 
 def _add_selection(add: Add) -> None:
@@ -139,26 +62,36 @@ def _add_selection(add: Add) -> None:
 
 
 def identify_models(options: argparse.Namespace) -> int:
-    """Fit friction and patch radius to measured throws.
+    """Fit friction and patch radius to measured throws; with --model all, compare release models.
 
-    example: throwplan identify out/throws --model ls-step --out out/fit
+    example: throwplan identify examples/throws --model all --out out/fit
     """
-    models: tuple[str, ...] = FITTED if options.model == "all" else (options.model,)
-    for model in filter(None, models):
-        check_model(model)
+    if options.model not in ("", "all"):
+        check_model(options.model)
     with Progress(f"{options.data}: reading"):
         data = _selected(load_throws(options.data), options)
     prior = None if options.prior is None else load_scene(options.prior)
     prepare_out(options, IDENTIFY_FILES)
     with Progress(data.name) as progress:
-        fit = partial(identify, data, prior=prior, delay=options.delay, about=progress.about)
-        found = [fit(model, grip_scale=options.grip_scale) for model in models]
-    save_out(options, data.name, partial(save_identified, found))
-    text = summary_of(found)
+        settings = {"prior": prior, "delay": options.delay, "grip_scale": options.grip_scale}
+        if options.model == "all":
+            found, table = compare(data, progress.about, **settings)
+        else:
+            found = [identify(data, options.model, about=progress.about, **settings)]
+            table = None
+    save_out(options, data.name, partial(save_identified, found, table))
+    text, answers = summary_of(found), [one.to_dict() for one in found]
+    if table is not None:
+        text += "\n\n" + "\n".join([f"{table.caption}:", "", *table.markdown()])
+        for answer, cell in zip(answers, table.column("left out [mm]"), strict=True):
+            answer["left_out"] = None
+            if isinstance(cell, tuple):
+                mean, low, high = (1e-3 * number for number in cell)
+                answer["left_out"] = {"mean": mean, "interval": [low, high]}
     if options.out is not None:
         text += f"{written(options)}; contact.toml is for a scene, in place of its [contact] and "
         text += "[uncertainty]"
-    print_result(options, [one.to_dict() for one in found], text)
+    print_result(options, answers, text)
     return DONE
 
 
@@ -199,64 +132,6 @@ def calibrate_scene(options: argparse.Namespace) -> int:
     return DONE
 
 
-def validate_arguments(add: Add) -> None:
-    """The options of `validate`."""
-    add("data", metavar="DATA", help=DATA)
-    words = f"release models, with commas (default: {','.join(PAPER_MODELS)})"
-    add("--models", metavar="A,B,C", help=words)
-    add_out(add, "validation.md, tables as CSV and two pictures")
-
-
-def validate_models(options: argparse.Namespace) -> int:
-    """Compare release models on measured throws.
-
-    example: throwplan validate out/throws --out out/validation
-    """
-    models = PAPER_MODELS if options.models is None else _models(options.models)
-    with Progress(f"{options.data}: reading"):
-        data = load_throws(options.data)
-    prepare_out(options, VALIDATION_FILES)
-    with Progress() as progress:
-        found = validate(data, models, progress.about)
-    save_out(options, data.name, partial(save_validation, found))
-    text = f"{as_text(found)}\n\n{found.seconds:.0f} s" + written(options)
-    print_result(options, as_dict(found), text)
-    return DONE
-
-
-def _check_place(folder: Path) -> None:
-    """InputError for a folder that holds anything but a synthetic data set."""
-    prepare_folder(folder)
-    names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
-    if not names:
-        return
-    other = [name for name in names if name not in THROW_DATA_FILES]
-    if other:
-        raise InputError(f"--out {folder}: holds {other[0]}, not overwritten; name a new folder")
-    head = folder / "dataset.toml"
-    if not head.is_file() or not toml_tables(read_text(head), str(head)).get("synthetic"):
-        raise InputError(
-            f"--out {folder}: holds throws that are not labelled synthetic, not overwritten"
-        )
-
-
-def _ranges(data: ThrowData, flown: list[Flown]) -> dict[str, Any]:
-    """Counts, the true landings' ranges, and the batch's flight times [s]."""
-    batch = [f for f, t in zip(flown, data.throws, strict=True) if t.factors["set"] == "batch"]
-    times = [float(throw.landing[2]) for throw in batch]
-    x = [float(throw.landing[0]) for throw in flown]
-    theta = [math.degrees(throw.landing[1]) for throw in flown]
-    return {
-        "synthetic": data.shared.synthetic,
-        "throws": len(flown),
-        "batch": len(batch),
-        "landing_height": data.shared.landing_height,
-        "landing": {"x": [min(x), max(x)], "theta_deg": [min(theta), max(theta)]},
-        "flight_time": {"mean": statistics.fmean(times), "std": statistics.pstdev(times)},
-        "truth": data.truth,
-    }
-
-
 def _selected(data: ThrowData, options: argparse.Namespace) -> ThrowData:
     """The throws of the options; of several surfaces those on the most frequent one."""
     numbers = list(range(len(data.throws)))
@@ -273,16 +148,3 @@ def _selected(data: ThrowData, options: argparse.Namespace) -> ThrowData:
     if not numbers:
         raise InputError(f"--only {' '.join(options.only)}: no throw has all these labels")
     return one_surface(data.picked(numbers))
-
-
-def _models(words: str) -> tuple[str, ...]:
-    """The models of `--models a,b,c`, checked."""
-    names = tuple(dict.fromkeys(word.strip() for word in words.split(",") if word.strip()))
-    if not names:
-        raise InputError(f"--models {words!r}: names no model")
-    for name in names:
-        try:
-            check_model(name)
-        except InputError as error:
-            raise error.within("--models") from None
-    return names

@@ -108,7 +108,7 @@ class FitProblem:
         self.evaluations += 1
         self.evaluated(self.evaluations)
         landing = self.predictor.landings(self.model, sets_at(self.names, points))
-        return np.asarray(landing.swapaxes(0, 1) - self.predictor.truth.landing)
+        return np.asarray(landing.swapaxes(0, 1) - self.predictor.truth)
 
     def fitted(self, start: Array | None = None) -> tuple[Array, float]:
         """The fit (P,) and its cost; `sigma` is then that of its residuals.

@@ -10,51 +10,69 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...models import Array, ReadOnly
 from ...models.release import MODELS, STEPPED_SURFACE
 from ...problems import InputError, Scene, check_arguments
 from ...problems.files import filling, write_json
 from ...problems.scene_files import as_scene, load_scene
 from ...problems.throws import ThrowData
-from ..show import BLUE, GREEN, GREY, new_figure, own_style, save
+from ..show import BLUE, GREEN, GREY, Table, new_figure, own_style, save
 from ..workers import Progress
 from .belief import Belief, applied, contact_text, prior_of
 from .cutoff import CutoffEffect, fit_at_cutoff
 from .fit import FitProblem
-from .measured import SURFACE, batch_surface
-from .predict import MISSED, UNKNOWNS, Predictor, check_model
+from .measured import SURFACE, batch_surface, pose_errors
+from .predict import UNKNOWNS, Predictor, check_model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 #: Files of an identification's folder.
-FILES = ("identify.json", "contact.toml", *(f"contact-{model}.png" for model in MODELS))
+FILES = (
+    *("identify.json", "contact.toml", "comparison.csv"),
+    *(f"contact-{model}.png" for model in MODELS),
+)
 
 
 @dataclass(frozen=True)
-class Identified:
+class Identified(ReadOnly):
     """The contact identified by one model.
 
-    prior, posterior: the beliefs before and after the throws; error [m]: mean pose error (position
-    plus angle times half the length) at the fit; sigma: (x [m], theta [rad]) of the residuals;
-    scatter: sigma over the measurement's noise, 1 or more; cost: of the least squares; missed:
-    number of throws without a landing; cutoff: None for motions of the hand; at_bound: unknowns
-    that ended at a bound of their range; evaluations: of the model; seconds: of the fit.
+    prior, posterior: the beliefs before and after the throws; off (T, 2): predicted less measured x
+    [m], theta [rad] at the fit, NaN where the model predicts no landing; sigma: (x [m], theta
+    [rad]) of the residuals; scatter: sigma over the measurement's noise, 1 or more; cost: of the
+    least squares; cutoff: None for motions of the hand; at_bound: unknowns that ended at a bound of
+    their range; evaluations: of the model; seconds: of the fit.
     """
 
     model: str
     data: ThrowData
     prior: Belief | None
     posterior: Belief
-    error: float
+    off: Array
     sigma: tuple[float, float]
     scatter: tuple[float, float]
     cost: float
-    missed: int
     cutoff: CutoffEffect | None
     at_bound: tuple[str, ...]
     evaluations: int
     seconds: float
+
+    @property
+    def pose_errors(self) -> Array:
+        """Pose errors (T,) [m]: position plus angle times half the length; 10 without a landing."""
+        return pose_errors(self.data, self.off)
+
+    @property
+    def error(self) -> float:
+        """Mean pose error [m]."""
+        return float(self.pose_errors.mean())
+
+    @property
+    def missed(self) -> int:
+        """Number of throws without a predicted landing."""
+        return int((~np.isfinite(self.off).all(axis=1)).sum())
 
     @check_arguments
     def apply(self, scene: Scene | str | Path) -> Scene:
@@ -81,6 +99,10 @@ class Identified:
             },
             "prior": None if self.prior is None else self.prior.to_dict(),
             "mean_error": self.error,
+            "errors": {
+                name: {"mean": float(np.nanmean(size)), "std": float(np.nanstd(size))}
+                for name, size in zip(("x", "theta"), np.abs(self.off).T, strict=True)
+            },
         }
 
     def summary(self) -> str:
@@ -122,7 +144,7 @@ class Identified:
     @check_arguments
     def save(self, folder: str | Path) -> None:
         """Write identify.json, the picture and contact.toml."""
-        save_identified([self], Path(folder))
+        save_identified([self], None, Path(folder))
 
 
 @check_arguments
@@ -174,11 +196,10 @@ def identify(
         data,
         prior,
         Belief(names, point, problem.covariance(point) + fit.spread),
-        float(np.nan_to_num(problem.predictor.truth.scaled(off), nan=MISSED).mean()),
+        off,
         (float(sigma[0]), float(sigma[1])),
         (float(scatter[0]), float(scatter[1])),
         fit.cost,
-        int((~np.isfinite(off).all(axis=1)).sum()),
         fit.effect,
         tuple(np.array(names)[at_bound].tolist()),
         fit.evaluations,
@@ -197,7 +218,7 @@ def _check_fit(data: ThrowData, model: str) -> None:
     if MODELS[model].nonconvergent:
         raise InputError(
             f"model = {model!r}: cannot be fitted, its landings are no smooth function of the "
-            f"parameters: take {STEPPED_SURFACE}, or compare it by `throwplan validate`"
+            f"parameters: take {STEPPED_SURFACE}"
         )
 
 
@@ -219,8 +240,9 @@ def summary_of(found: list[Identified]) -> str:
     return "\n".join([*lines, *(f"  note: {words}" for words in data.notes)])
 
 
-def save_identified(found: list[Identified], folder: Path) -> None:
-    """Write the files of one or more models; contact.toml is that of the last."""
+def save_identified(found: list[Identified], table: Table | None, folder: Path) -> None:
+    """Write the files of one or more models, and a table that compares them; contact.toml is that
+    of the last."""
     with filling(folder, FILES) as scratch:
         for one in found:
             save(_contact_picture(one), scratch / f"contact-{one.model}.png")
@@ -229,6 +251,8 @@ def save_identified(found: list[Identified], folder: Path) -> None:
         text += contact_text(last.posterior, shared)
         (scratch / "contact.toml").write_text(text, encoding="utf-8")
         write_json(scratch / "identify.json", [one.to_dict() for one in found])
+        if table is not None:
+            table.write(scratch)
 
 
 @own_style()

@@ -1,14 +1,14 @@
-"""Measured throws: landing poses, twists in flight, conditions; planned throws as data."""
+"""Measured throws: landing poses, conditions; planned throws as data."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from ...models import Array, Indices
+from ...models import Array
 from ...models.release import TableGrip
 from ...problems import InputError, Scene, check_arguments, checked
 from ...problems.throws import MeasuredThrow, Shared, ThrowData
@@ -19,53 +19,41 @@ from ..throw import TICK
 SAMPLES = 21
 #: Column with the pads' surface, which has contact parameters of its own.
 SURFACE = "surface"
-#: Columns of throws.csv that define a condition, if the data have them: the paper's six factors.
-FACTORS = ("com", "pitch", "release", SURFACE, "payload", "moi")
+#: Column that tells throws of one condition from each other.
+REPEAT = "repeat"
 
 
-@dataclass(frozen=True)
-class Landings:
-    """Measured landings of T throws.
+#: Pose error [m] of a throw for which a model predicts no landing.
+MISSED = 10.0
 
-    landing (T, 2): x [m], theta [rad] at the landing height; twist (T, 2): v_x [m/s] and omega
-    [rad/s] in flight, NaN without a track; arm (T,): half the bar's length [m], the factor of the
-    angle in the pose error (39).
+
+def pose_errors(data: ThrowData, off: Array) -> Array:
+    """Pose errors (39) (T,) [m] of predicted less measured landings (T, 2).
+
+    Position plus angle times half the length; `MISSED` without a predicted landing.
     """
-
-    landing: Array
-    twist: Array
-    arm: Array
-
-    def scaled(self, off: Array) -> Array:
-        """Pose errors (39) (T, ...) [m] of predicted less measured landings (T, ..., 2).
-
-        Position plus angle times half the length: |dx| + |dtheta| l / 2.
-        """
-        arm = self.arm.reshape(-1, *[1] * (off.ndim - 2))
-        return np.asarray(np.abs(off[..., 0]) + np.abs(off[..., 1]) * arm)
+    lever = np.array([throw.object.half_length for throw in data.throws])
+    return np.asarray(np.nan_to_num(np.abs(off[:, 0]) + np.abs(off[:, 1]) * lever, nan=MISSED))
 
 
-def measured(data: ThrowData) -> Landings:
-    """The landings of a data set; InputError for a track that never lands."""
-    landing, twist = [], []
+def measured(data: ThrowData) -> Array:
+    """Measured landings (T, 2): x [m], theta [rad] at the landing height.
+
+    InputError for a track that never lands.
+    """
+    landing = []
     for throw in data.throws:
-        rates = (np.nan, np.nan)
-        if throw.track is not None:
-            rates, landed = _from_track(data, throw, throw.track)
         if throw.landing is not None:
-            landed = (throw.landing[0], throw.landing[2])
-        elif throw.track is None:
+            landing.append((throw.landing[0], throw.landing[2]))
+        elif throw.track is not None:
+            landing.append(_from_track(data, throw, throw.track))
+        else:
             raise InputError(f"throw {throw.name}: has no landing: add it to the data")
-        landing.append(landed)
-        twist.append(rates)
-    arm = np.array([throw.object.half_length for throw in data.throws])
-    return Landings(np.array(landing), np.array(twist), arm)
+    return np.array(landing)
 
 
-def _from_track(
-    data: ThrowData, throw: MeasuredThrow, track: Array
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """(v_x, omega) in flight, and (x, theta) as the CoM falls through the landing height."""
+def _from_track(data: ThrowData, throw: MeasuredThrow, track: Array) -> tuple[float, float]:
+    """x [m], theta [rad] as the CoM falls through the landing height."""
     start = throw.opening + throw.grip.opening
     flying = track[:, 0] >= start
     if flying.sum() < SAMPLES:
@@ -76,19 +64,17 @@ def _from_track(
     height, gravity = data.shared.landing_height, data.shared.gravity
     times, x, z, theta = track[flying].T
     below = np.flatnonzero((z[1:] <= height) & (z[:-1] > height))
-    # A parabola through all samples has less noise than the last two samples. A track without a
-    # landing counts up to 0.15 s after the opening: the bar flies longer.
-    last = below[0] + 2 if below.size else int((times <= start + 0.15).sum())
+    if not below.size or gravity == 0:
+        raise InputError(f"throw {throw.name}: no landing: the track never falls to {height:g} m")
+    # A parabola through all samples has less noise than the last two samples.
+    last = below[0] + 2
     t = times[:last] - start
     forward, turning = np.polyfit(t, x[:last], 1), np.polyfit(t, theta[:last], 1)
     rising = np.polyfit(t, z[:last] + gravity * t**2 / 2, 1)
-    root = rising[0] ** 2 + 2 * gravity * (rising[1] - height)
-    lands = root >= 0 and gravity > 0
-    if not lands or (not below.size and throw.landing is None):
-        raise InputError(f"throw {throw.name}: no landing: the track never falls to {height:g} m")
+    # Noise may put the top of the fitted parabola a little below the height.
+    root = max(rising[0] ** 2 + 2 * gravity * (rising[1] - height), 0.0)
     time = (rising[0] + np.sqrt(root)) / gravity
-    landed = (float(np.polyval(forward, time)), float(np.polyval(turning, time)))
-    return (float(forward[0]), float(turning[0])), landed
+    return float(np.polyval(forward, time)), float(np.polyval(turning, time))
 
 
 def batch_surface(data: ThrowData) -> list[int]:
@@ -98,19 +84,9 @@ def batch_surface(data: ThrowData) -> list[int]:
     return [i for i, label in enumerate(labels) if label == frequent]
 
 
-def batch_rows(data: ThrowData) -> Indices:
-    """Rows of the throws that parameters are fitted to: of the batch, on its surface."""
-    rows = batch_surface(data)
-    # Throws of the set "factors" vary a single factor.
-    batch = [i for i in rows if data.throws[i].factors.get("set") != "factors"]
-    return np.array(batch or rows, int)
-
-
 def conditions(data: ThrowData) -> list[tuple[str, ...]]:
-    """The condition of each throw; without factors every throw has its own."""
-    known = [name for name in data.factors if name in FACTORS]
-    # Repeats and sets group throws and define no condition.
-    columns = known or [name for name in data.factors if name not in ("repeat", "set")]
+    """The condition of each throw, its labels but the repeat's; without labels each has its own."""
+    columns = [name for name in data.factors if name != REPEAT]
     if not columns:
         return [(throw.name,) for throw in data.throws]
     return [tuple(throw.factors[name] for name in columns) for throw in data.throws]

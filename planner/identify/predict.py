@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -12,16 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Array, Body, FlightLaw, HandTrack, Indices, Trajectory
-from ...models.release import MODELS, Release, ReleaseBatch, ReleaseCase
+from ...models.release import MODELS, ReleaseBatch
 from ...problems import InputError, PadContact, check_arguments, checked
 from ...problems.throws import MeasuredThrow, ThrowData
 from ..simulation import named_model, recorded_joints
 from ..throw import TICK
-from ..workers import Progress
-from .measured import Landings, measured
-
-#: Values of friction (F,) and patch_radius (R,) [m].
-Axes = tuple[Array, Array]
+from .measured import measured
 
 #: Unknowns, the columns of parameter sets: mu, r_p [m], delay [s] of the opening beyond command and
 #: dwell, true grip force over the measured one.
@@ -30,12 +25,8 @@ UNKNOWNS = ("friction", "patch_radius", "delay", "grip_scale")
 BASE = {"delay": 0.0, "grip_scale": 1.0}
 #: Largest delay [s].
 REACH = 0.05
-#: The paper's grid: 0.25 to 1.2, and 2.5 to 12 mm.
-AXES: Axes = (np.linspace(0.25, 1.2, 20), np.linspace(0.0025, 0.012, 20))
 #: Cutoff [Hz] of recorded joints where none is given: that of Liu and Billard.
 CUTOFF = 35.0
-#: Pose error [m] of a throw for which a model predicts no landing.
-MISSED = 10.0
 
 
 def parameter_sets(
@@ -83,25 +74,25 @@ class Predictor:
         return cls(data, tuple(hands))
 
     @cached_property
-    def truth(self) -> Landings:
-        """The measured landings; InputError for a track that never lands."""
+    def truth(self) -> Array:
+        """Measured landings (T, 2): x [m], theta [rad]; InputError for a track that never lands."""
         return measured(self.data)
 
-    def detached(self, model: str, sets: Array, progress: Progress | None = None) -> Array:
+    def part(self, rows: Indices) -> Predictor:
+        """The predictor of some of the throws."""
+        return Predictor(self.data.picked(rows), tuple(self.hands[i] for i in rows))
+
+    def detached(self, model: str, sets: Array) -> Array:
         """CoM pose and twist (T, M, 6) of every throw at the end of the opening, with every
         parameter set (M, 4); NaN if the model fails."""
         check_model(model)
         if np.abs(sets[:, 2]).max() > REACH:
             raise InputError(f"delay = {np.abs(sets[:, 2]).max():g}: must be at most {REACH:g} s")
-        count, done = len(self.data.throws), 0
-        detach = np.full((count, len(sets), 6), np.nan)
+        detach = np.full((len(self.data.throws), len(sets), 6), np.nan)
         known = MODELS[model]
         for rows in self._groups(len(sets)):
             found = known.throw(self._batch(rows, sets), known.fit_steps).detach
             detach[rows] = found.reshape(len(rows), len(sets), 6)
-            done += len(rows)
-            if progress is not None:
-                progress(done, count)
         return detach
 
     def landed(self, detach: Array) -> Array:
@@ -113,16 +104,6 @@ class Predictor:
     def landings(self, model: str, sets: Array) -> Array:
         """x [m], theta [rad] (T, M, 2) of every throw with every parameter set (M, 4)."""
         return self.landed(self.detached(model, sets))
-
-    def released(self, model: str, row: int, one: Array) -> Release:
-        """One throw by a model with one parameter set (4,), over the whole opening."""
-        throw, shared = self.data.throws[row], self.data.shared
-        friction, radius, delay, scale = (float(value) for value in one)
-        contact = shared.contact(friction * scale, radius)
-        hand = self.hands[row].shifted(delay) if delay else self.hands[row]
-        body, angle = Body(*_body(throw)), throw.grasp.angle
-        case = ReleaseCase(body, contact, throw.grip, hand, shared.gravity, angle)
-        return MODELS[model].release(case)
 
     def _groups(self, sets: int) -> Iterator[Indices]:
         """Groups of throws with equal fall of the grip force, a batch each with M sets per throw.
@@ -199,65 +180,3 @@ def thrown(data: ThrowData, model: str, contact: Mapping[str, float]) -> Array:
     checked("delay", contact.get("delay", 0.0), float, {"meaning": "s"})
     checked("grip_scale", contact.get("grip_scale", 1.0), float, {"above": 0, "most": 1e3})
     return Predictor.of(data).landings(model, parameter_sets(**contact))[:, 0]
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Pose errors of T throws for `friction` (F,) and `patch_radius` (R,) [m] (Fig. 15).
-
-    errors (T, F, R) [m], NaN for a throw without a predicted landing; detach (T, F, R, 6):
-    CoM states at the end of the opening; seconds: of the work.
-    """
-
-    friction: Array
-    patch_radius: Array
-    errors: Array
-    detach: Array
-    seconds: float
-
-    @property
-    def scored(self) -> Array:
-        """errors, with `MISSED` for throws without a predicted landing."""
-        return np.nan_to_num(self.errors, nan=MISSED)
-
-    @property
-    def error(self) -> Array:
-        """Mean pose error (F, R) [m] over all throws."""
-        return np.asarray(self.scored.mean(axis=0))
-
-    @property
-    def missed(self) -> Indices:
-        """Number (F, R) of throws without a predicted landing."""
-        return np.asarray(np.isnan(self.errors).sum(axis=0))
-
-    def best(self, rows: npt.NDArray[Any] | slice = slice(None)) -> tuple[int, int]:
-        """The cell with the lowest mean error over some of the throws."""
-        mean = self.scored[rows].mean(axis=0)
-        i, j = np.unravel_index(int(np.argmin(mean)), mean.shape)
-        return int(i), int(j)
-
-    def part(self, rows: Indices) -> Grid:
-        """The grid of some of the throws, with their share of the time."""
-        seconds = self.seconds * len(rows) / len(self.errors)
-        return replace(self, errors=self.errors[rows], detach=self.detach[rows], seconds=seconds)
-
-    def contact(self, cell: tuple[int, int]) -> tuple[float, float]:
-        """friction and patch_radius [m] of a cell."""
-        return float(self.friction[cell[0]]), float(self.patch_radius[cell[1]])
-
-    @property
-    def predictions(self) -> int:
-        """Throws times cells."""
-        return int(self.errors.size)
-
-
-def grid_of(
-    predictor: Predictor, model: str, axes: Axes = AXES, progress: Progress | None = None
-) -> Grid:
-    """The error landscape of a model."""
-    friction, radius = (cells.ravel() for cells in np.meshgrid(*axes, indexing="ij"))
-    start = time.perf_counter()
-    detach = predictor.detached(model, parameter_sets(friction, radius), progress)
-    errors = predictor.truth.scaled(predictor.landed(detach) - predictor.truth.landing[:, None])
-    seconds, shape = time.perf_counter() - start, (len(errors), len(axes[0]), len(axes[1]))
-    return Grid(*axes, errors.reshape(shape), detach.reshape(*shape, 6), seconds)

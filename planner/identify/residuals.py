@@ -98,7 +98,7 @@ def recorded_residuals(
     sets, inverse = np.unique(contact, axis=0, return_inverse=True)
     thrown = predictor.detached(model, parameter_sets(*sets.T))
     detach = thrown[np.arange(len(names)), np.ravel(inverse)]
-    off = predictor.truth.landing - predictor.landed(detach)
+    off = predictor.truth - predictor.landed(detach)
     speed = np.hypot(detach[:, 3], detach[:, 4])
     return Residuals(tuple(names), off, np.column_stack([speed, detach[:, 5]]), whole)
 

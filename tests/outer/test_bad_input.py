@@ -491,15 +491,6 @@ prepare hand-box --throws many | --throws many: must be a whole number
 prepare nowhere | nowhere
 prepare drop | no [hand] or [robot]
 prepare hand-box --out there | --out
-make-throws | --out: needs a folder's name
-make-throws --friction 0.3 --out new | the grip does not hold the bar on its way
-make-throws --friction 0 --out new | --friction 0: must be from 0.01 to 10
-make-throws --friction much --out new | --friction much: must be a finite number
-make-throws --patch-radius 3.1 --out new | --patch-radius 3.1: must be from 0.0001 to 0.05
-make-throws --stiffness 1e6 --out new | --stiffness: only with --truth lugre
-make-throws --repeats 0 --out new | --repeats 0: must be a whole number, 1 to 100
-make-throws --seed one --out new | --seed one: must be a whole number
-make-throws --truth glue --out new | invalid choice: 'glue'
 play drop | drop: has a given [motion] and no [hand] or [robot]
 play cupp | cupp
 plan box --target -0.6 0.1 free --azimuth 10 | above 0 with --azimuth

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import made_throws
 
 #: A bias, x [m] and theta [rad].
 BIAS = (0.03, math.radians(6.0))
@@ -104,15 +105,6 @@ def test_from_a_csv_to_a_plan_that_aims_beside_the_target(run, plans, tmp_path, 
     assert sent.landing.x == pytest.approx(1.2, abs=2e-4)
 
 
-def test_text_says_bias_guarantee_and_assumptions(run, plans, tmp_path):
-    throws_file(plans, tmp_path / "throws.csv", 24)
-    said = run("calibrate --scene pose", tmp_path / "throws.csv").out
-    assert "24 throws of throws.csv, predicted by limit surface" in said
-    assert "guaranteed for at least 92.0 % (23 of 25)" in said
-    assert "exchangeable" in said and "same object, gripper" in said and "speed at detach" in said
-    assert "[calibration]" in said and "throws = 24" in said
-
-
 def test_in_python_the_section_serves_a_scene_and_its_file(plans, tmp_path):
     throws_file(plans, tmp_path / "throws.csv", 9)
     found = tp.calibrate(tmp_path / "throws.csv", "pose")
@@ -189,14 +181,6 @@ def test_without_the_section_nothing_is_added(plans):
     assert again["calibration"]["aim"]["x"] == pytest.approx(1.17)
 
 
-def test_the_sentence_rounds_bounds_up(plans):
-    plan = tp.plan(tp.load_scene("pose").replace(calibration=calibration()))
-    assert "\n  by 24 of your throws 90 % land within 31 mm and 11°\n" in plan.summary()
-    free = plan.scene.replace(target=tp.Pose(x=1.2, z=0.1))
-    said = tp.plan(free).summary()
-    assert "land within 31 mm\n" in said
-
-
 def test_a_replay_compares_landings_without_the_bias():
     pytest.importorskip("mujoco")
     plan = tp.plan(tp.load_scene("pose").replace(calibration=calibration()))
@@ -264,25 +248,20 @@ def test_warm_moving_and_followed_throws_have_the_bias_too():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "key"),
     [
-        pytest.param({"speed": (4.0, 5.0)}, "speed at detach", marks=pytest.mark.slow),
-        pytest.param({"rate": (5.0, 6.0)}, "turning rate at detach", marks=pytest.mark.slow),
-        ({"mass": 0.3}, "[object] mass is 0.24 kg, there 0.3 kg"),
-        ({"force": 100.0}, "[gripper] force is 120 N, there 100 N"),
-        ({"friction": 0.9}, "[contact] friction is 1, there 0.9"),
-        ({"shape": "two-points"}, "[contact] shape is left out, there two-points"),
-        ({"torsion": 0.5}, "[contact] torsion is 0.6, there 0.5"),
-        ({"model": "sp"}, "[tolerance] model is ls-step, there sp"),
+        pytest.param({"speed": (4.0, 5.0)}, "speed", marks=pytest.mark.slow),
+        pytest.param({"rate": (5.0, 6.0)}, "turning rate", marks=pytest.mark.slow),
+        ({"mass": 0.3}, "[object] mass"),
+        ({"force": 100.0}, "[gripper] force"),
+        ({"shape": "two-points"}, "[contact] shape"),
+        ({"model": "sp"}, "[tolerance] model"),
     ],
 )
-def test_a_throw_unlike_the_measured_ones_is_warned_of(changes, words):
+def test_a_throw_unlike_the_measured_ones_is_warned_of(changes, key):
     plan = tp.plan(tp.load_scene("pose").replace(calibration=calibration(**changes)))
-    assert plan.solved
-    said = plan.summary()
-    assert f"warning: [calibration] does not hold here: {words}" in said
-    assert "of your throws" not in said
-    assert not plan.to_dict()["calibration"]["holds"]
+    assert plan.solved and not plan.to_dict()["calibration"]["holds"]
+    assert f"[calibration] does not hold here: {key}" in plan.summary()
 
 
 def test_throws_aimed_by_a_calibration_calibrate_again(tmp_path):
@@ -300,15 +279,10 @@ def test_throws_aimed_by_a_calibration_calibrate_again(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory) -> tuple[tp.ThrowData, tp.Scene]:
-    """18 synthetic recordings of one bar, and a scene with their object and grip."""
-    from throwplan.planner.cli import main
-
-    folder = tmp_path_factory.mktemp("throws") / "made"
-    assert main(["make-throws", "--out", str(folder), "--repeats", "1"]) == 0
-    data, scene = tp.load_throws(folder), tp.load_scene("pose")
-    bar = [i for i, throw in enumerate(data.throws) if throw.factors["com"] == "com1"]
-    return data.picked(bar), scene.replace(
+def recorded() -> tuple[tp.ThrowData, tp.Scene]:
+    """18 made throws, and a scene with their object, grip and true contact."""
+    scene = tp.load_scene("pose")
+    return made_throws(), scene.replace(
         gripper=tp.Gripper(force=220.0, dwell=0.05, opening=0.06),
         contact=dataclasses.replace(scene.contact, friction=0.8, patch_radius=0.0031),
     )
@@ -357,42 +331,41 @@ def test_too_few_throws_are_refused_with_the_number_needed(
 ):
     path = tmp_path / "throws.csv"
     throws_file(plans, path, count)
-    said = refused(f"calibrate --scene pose --level {level}", path)
-    assert f"{count} throws are too few, needs at least {needed} throws" in said
+    assert f"at least {needed}" in refused(f"calibrate --scene pose --level {level}", path)
     throws_file(plans, path, needed)
     assert tp.calibrate(path, "pose", level).section.throws == needed
 
 
-def test_wrong_files_and_options_are_refused(refused, plans, tmp_path):
-    folder, path = plans[0], tmp_path / "throws.csv"
-    assert "no such file" in refused("calibrate --scene pose", path)
-    path.write_text("plan,x\na,1\n")
-    assert "must name the columns plan, x and theta (theta is missing)" in refused(
-        "calibrate --scene pose", path
-    )
-    path.write_text(f"plan,x,theta\n{folder / 'a'},1.2,wide\n")
-    assert "line 2: theta = 'wide': must be a finite number" in refused(
-        "calibrate --scene pose", path
-    )
-    path.write_text(f"plan,x,theta\n{folder / 'a'},1,2,0,1\n")
-    assert "throws.csv: line 2 has 5 cells, not 3" in refused("calibrate --scene pose", path)
-    path.write_text("plan,x,theta\nnowhere,1.2,0\n")
-    assert "line 2:" in refused("calibrate --scene pose", path)
-    throws_file(plans, path, 9, bias=(0.0, 6.2))
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("{plan},1.2,wide", "theta = 'wide'"),
+        ("{plan},1,2,0,1", "5 cells"),
+        ("nowhere,1.2,0", "nowhere"),
+    ],
+)
+def test_wrong_rows_are_refused(refused, plans, tmp_path, row, words):
+    path = tmp_path / "throws.csv"
+    path.write_text(f"plan,x,theta\n{row.format(plan=plans[0] / 'a')}\n")
     said = refused("calibrate --scene pose", path)
-    assert "theta is in radians (is it in degrees?), and full turns count" in said
+    assert "throws.csv: line 2" in said and words in said
+
+
+def test_wrong_files_and_options_are_refused(refused, plans, tmp_path):
+    path = tmp_path / "throws.csv"
+    assert "throws.csv" in refused("calibrate --scene pose", path)
+    path.write_text("plan,x\na,1\n")
+    assert "theta" in refused("calibrate --scene pose", path)
+    throws_file(plans, path, 9, bias=(0.0, 6.2))
+    assert "theta" in refused("calibrate --scene pose", path)
     throws_file(plans, path, 9)
-    assert "its arm is not the scene's" in refused("calibrate --scene hand-flip", path)
+    assert "arm" in refused("calibrate --scene hand-flip", path)
     assert "[motion]" in refused("calibrate --scene drop", path)
-    assert "--scene" in refused("calibrate", path)
     for option in ("--fit", "--throws 4", "--only com=com1"):
-        said = refused(f"calibrate {path} --scene pose {option}")
-        assert "only for a folder of measured throws" in said
+        assert option.split()[0] in refused(f"calibrate {path} --scene pose {option}")
     for level in ("1", "0.4", "nine"):
         assert "--level" in refused(f"calibrate --scene pose --level {level}", path)
-    with pytest.raises(tp.InputError, match=r"level = 1\.5: must be at most"):
-        tp.calibrate(path, "pose", 1.5)
-    with pytest.raises(tp.InputError, match="has no recordings"):
+    with pytest.raises(tp.InputError, match="recordings"):
         tp.calibrate(path, "pose", fit=True)
 
 
@@ -402,31 +375,29 @@ def test_another_object_or_grip_is_refused(recorded, plans, tmp_path):
     data, scene = recorded
     pose = tp.load_scene("pose")
     heavy = pose.replace(object=dataclasses.replace(pose.object, mass=0.3))
-    with pytest.raises(tp.InputError, match=r"mass 0.24, must be \[object\] mass = 0.3"):
+    with pytest.raises(tp.InputError, match="mass"):
         tp.calibrate(path, heavy)
-    with pytest.raises(tp.InputError, match="grip force is 120 N"):
+    with pytest.raises(tp.InputError, match="force"):
         tp.calibrate(path, scene)
-    with pytest.raises(tp.InputError, match="grip force is 2"):
+    with pytest.raises(tp.InputError, match="force"):
         tp.calibrate(data, pose)
     points = scene.replace(contact=dataclasses.replace(scene.contact, shape="two-points"))
-    with pytest.raises(
-        tp.InputError, match=r"shape is left out, must be as \[contact\] shape of the scene: two"
-    ):
+    with pytest.raises(tp.InputError, match="shape"):
         tp.calibrate(data, points)
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"throws": 8}, "level = 0.9: 8 throws are too few, needs at least 9 throws"),
-        ({"level": 1.2}, "level = 1.2: must be at most 0.999"),
-        ({"speed": (3.0, 2.0)}, "speed: the lowest comes first"),
-        ({"x": 40.0}, "x = 40: must be at most 10"),
-        ({"model": "patch"}, "model = 'patch': must be one of"),
+        ({"throws": 8}, "at least 9"),
+        ({"level": 1.2}, "level = 1.2"),
+        ({"speed": (3.0, 2.0)}, "speed"),
+        ({"x": 40.0}, "x = 40"),
+        ({"model": "patch"}, "model = 'patch'"),
     ],
 )
 def test_wrong_sections_are_refused(changes, words):
-    with pytest.raises(tp.InputError, match=words.replace("[", r"\[")):
+    with pytest.raises(tp.InputError, match=words):
         calibration(**changes)
 
 

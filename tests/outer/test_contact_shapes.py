@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
+import csv
 import json
+import shutil
 from pathlib import Path
 
 import pytest
 import throwplan as tp
-from throwplan.problems.throws import write_throws
+from builders import MADE_PRODUCT, MADE_THROWS
 
 #: Lines of [contact] for each shape.
 LINES = {
@@ -55,24 +56,18 @@ def test_each_shape_is_thrown_and_swept(shape, tmp_path, run) -> None:
 @pytest.mark.parametrize("shape", SHAPES)
 def test_each_shape_is_identified(shape, tmp_path, run) -> None:
     """Throws by the shape are fitted by the shape: the product of friction and radius is found."""
-    assert run("make-throws", "--out", tmp_path / "made", "--repeats", "1").status == 0
-    head = tmp_path / "made" / "dataset.toml"
+    folder = Path(shutil.copytree(MADE_THROWS, tmp_path / "made"))
+    head, table = folder / "dataset.toml", folder / "throws.csv"
     head.write_text(f"{LINES[shape]}\n{head.read_text()}")
-    data = tp.load_throws(tmp_path / "made")
-    picked = data.picked(list(range(0, len(data.throws), 3)))
-    truth = {"friction": 0.8, "patch_radius": 0.0031}
-    landings = tp.thrown(picked, "ls-step", truth)
-    height = data.shared.landing_height
-    throws = tuple(
-        dataclasses.replace(throw, landing=(float(x), height, float(theta)))
-        for throw, (x, theta) in zip(picked.throws, landings, strict=True)
-    )
-    write_throws(dataclasses.replace(picked, throws=throws), tmp_path / "shaped")
-    (found,) = json.loads(
-        run("identify", tmp_path / "shaped", "--json", "--out", tmp_path / "fit").out
-    )
-    product = found["fit"]["product"]["value"] if "fit" in found else found["product"]["value"]
-    assert product == pytest.approx(0.8 * 0.0031, rel=0.02)
+    rows = list(csv.DictReader(table.read_text().splitlines()))[::10]
+    data = tp.load_throws(folder).picked(list(range(0, 90, 10)))
+    landings = tp.thrown(data, "ls-step", {"friction": 0.8, "patch_radius": 0.0031})
+    lines = [",".join(rows[0])]
+    for row, (x, theta) in zip(rows, landings.tolist(), strict=True):
+        lines.append(",".join((row | {"x": f"{x}", "theta": f"{theta}"}).values()))
+    table.write_text("\n".join(lines))
+    (found,) = json.loads(run("identify", folder, "--json", "--out", tmp_path / "fit").out)
+    assert found["fit"]["product"]["value"] == pytest.approx(MADE_PRODUCT, rel=0.02)
     assert f'shape = "{shape}"' in (tmp_path / "fit" / "contact.toml").read_text()
 
 

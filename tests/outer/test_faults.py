@@ -19,8 +19,9 @@ from concurrent.futures import process
 from pathlib import Path
 
 import pytest
+from builders import MADE_THROWS
 from throwplan.core.compile import cache
-from throwplan.planner.cli import Progress, main
+from throwplan.planner.cli import Progress
 from throwplan.problems import InputError, files
 
 ROOT = Path(__file__).parents[2]
@@ -387,7 +388,7 @@ LONG = {
     "play hand-flip --port {port} --no-browser": 3.0,
     "view {plan} --port {port} --no-browser": 2.0,
     "replay {plan} --out out": 2.0,
-    "identify {throws} --out out": 2.5,
+    "identify {throws} --throws 18 --out out": 2.5,
     "calibrate {landings} --scene near-cup --out out": 1.5,
     "simulate drop --out out": 2.0,
     "export {plan} --franka out": 1.2,
@@ -399,11 +400,10 @@ LONG = {
 def inputs(saved, tmp_path_factory) -> dict[str, Path]:
     """A plan, recorded throws, and landings of the plan."""
     folder, plan = tmp_path_factory.mktemp("inputs"), saved("near-cup")
-    assert main(["make-throws", "--out", str(folder / "throws"), "--repeats", "1"]) == 0
     landing = json.loads((plan / "plan.json").read_text())["landing"]["limit_surface"]
     rows = [f"{plan},{landing['x'] + i / 1e4},{landing['theta'] + i / 1e3}" for i in range(20)]
     (folder / "landings.csv").write_text("\n".join(["plan,x,theta", *rows, ""]))
-    return {"plan": plan, "throws": folder / "throws", "landings": folder / "landings.csv"}
+    return {"plan": plan, "throws": MADE_THROWS, "landings": folder / "landings.csv"}
 
 
 @pytest.mark.slow

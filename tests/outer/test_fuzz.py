@@ -71,9 +71,7 @@ COMMANDS: list[tuple[list[str], dict[str, int]]] = [
     (["view", "nothing"], {"--port": 1, "--hold": 1, "--mp4": 1}),
     (["run", "nothing"], {"--robot": 1, "--repeat": 1, "--after": 1, "--dry": 0}),
     (["import-robot", "nothing.urdf"], {"--out": 1, "--joints": 2, "--tcp": 1, "--jerk": 2}),
-    (["make-throws", "--repeats", "1"], {"--seed": 1, "--friction": 1, "--truth": 1, "--out": 1}),
     (["identify", "nothing"], {"--model": 1, "--throws": 1, "--only": 1, "--prior": 1}),
-    (["validate", "nothing"], {"--models": 1, "--factor": 2, "--out": 1}),
 ]
 
 
@@ -105,8 +103,7 @@ def data_cases(draw: st.DrawFn) -> Case:
         files[name] = draw(hostile.csv_file(text)) if name == wrong else text.encode()
     if wrong == "dataset.toml":
         files[wrong] = draw(hostile.toml_file(DATA))
-    command = draw(st.sampled_from([["identify", "."]] * 3 + [["validate", "."]]))
-    return files, command
+    return files, ["identify", "."]
 
 
 @st.composite
@@ -122,8 +119,7 @@ def line_cases(draw: st.DrawFn) -> Case:
     """Command lines; what they do, if they are right, is short."""
     first, options = draw(st.sampled_from(COMMANDS))
     words = draw(hostile.command_line(options, first))
-    last = {"plan": ["--patience", "0.001"], "make-throws": ["--repeats", "1"]}
-    return {}, words + last.get(first[0], [])
+    return {}, words + (["--patience", "0.001"] if first[0] == "plan" else [])
 
 
 @st.composite

@@ -139,3 +139,35 @@ def test_rows_every_half_millisecond_leave_nothing_to_interpolation(plan_of, row
         landings.append((landing.x, landing.theta))
     dx, dtheta = np.abs(np.subtract(*landings))
     assert (dx > 1e-4 or dtheta > math.radians(0.1)) == apart
+
+
+@pytest.mark.parametrize("noise", [0.2, 0.8, 2.0])
+def test_the_full_grip_of_a_noisy_recording_is_no_single_sample(noise):
+    t = np.arange(0.0, 0.2, 0.001)
+    u = np.clip((t - 0.04) / 0.05, 0.0, 1.0)
+    true = 90.0 * (1 - 3 * u**2 + 2 * u**3)
+    found = []
+    for seed in range(20):
+        raw = true + 1.5 + noise * np.random.default_rng(seed).normal(size=t.size)
+        found.append(TableGrip.from_recording(t, raw).full)
+        if noise > 1.0:  # that hides the slope of a few samples
+            continue
+        # Cut off while there is force on the pads: what is left is no offset.
+        with pytest.raises(ValueError, match="must go on, level"):
+            TableGrip.from_recording(t[t < 0.075], raw[t < 0.075])
+    assert np.abs(np.array(found) - 90.0).max() < 0.5 + noise
+    assert np.std(found) < noise / 3
+
+
+@pytest.mark.parametrize(
+    ("forces", "message"),
+    [
+        (np.zeros(100), "must start at the full grip and fall"),
+        (np.full(100, 80.0), "must start at the full grip and fall"),
+        (np.full(100, np.nan), "not a finite number"),
+        (np.ones(5), "needs at least 20 rows"),
+    ],
+)
+def test_a_raw_force_without_a_fall_is_refused(forces, message):
+    with pytest.raises(ValueError, match=message):
+        TableGrip.from_recording(0.001 * np.arange(len(forces)), forces)
