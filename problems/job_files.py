@@ -255,7 +255,7 @@ def _base(name: str, folder: Path | None) -> tuple[dict[str, Any], Arm]:
                 mistakes.lines.append(f"[{key}]: only a plan of one throw follows it: leave it out")
         mistakes.refuse()
     table["robot"] = {key: v for key, v in table["robot"].items() if key != "start_deg"}
-    for key in ("target", "cup", "landing", "description"):
+    for key in ("target", "cup", "description"):
         table.pop(key, None)
     return table, scene.arm
 

@@ -251,6 +251,9 @@ class Motion(Section):
             raise InputError("give one of 'table' and 'joints'")
         if sampled and any((*self.position, self.angle, *self.velocity, self.rate)):
             raise InputError("position, angle, velocity and rate: not beside 'table' or 'joints'")
+        for key in ("opening_time", "cutoff"):
+            if not (sampled or self.samples) and getattr(self, key) != getattr(Motion, key):
+                raise InputError(f"{key}: only with 'table' or 'joints'")
         if (self.joints is None) != (self.arm is None):
             raise InputError("joints and arm: give both or neither")
         if len(self.times) != len(self.accelerations):

@@ -10,6 +10,7 @@ import functools
 import inspect
 import math
 import textwrap
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,11 @@ from .uncertainty import Robust, Uncertainty
 GRID = 21
 #: Sections for the motion of the hand; a scene has exactly one of them.
 MOVERS = ("hand", "robot", "motion")
+#: Sections that only a planned throw follows.
+PLANNED = (
+    *("tolerance", "cost", "choice", "cup", "landing", "workspace", "obstacle", "uncertainty"),
+    *("robust", "rest", "calibration", "mesh"),
+)
 #: Bounds of a scene without [workspace].
 UNBOUNDED = Workspace()
 
@@ -90,8 +96,6 @@ class Scene(Section):
         self._load_arm(manipulators[0])
         if self.motion is None and self.target is None:
             raise InputError("section [target] is missing")
-        if self.motion is not None and self.calibration is not None:
-            raise InputError("[calibration]: only for a scene with [hand] or [robot]")
         if self.target is not None and self.robot is None and self.target.y != 0:
             raise InputError("[target] y: only for a scene with [robot]")
         if self.robot is not None and self.arm is not None:
@@ -102,6 +106,8 @@ class Scene(Section):
             object.__setattr__(self, "target", self.aim.with_lateral(self.arm.lateral))
         self._place_cup()
         mistakes = Mistakes()
+        for words in self._void():
+            mistakes.lines.append(words)
         for check in (
             self._check_grasp,
             self._check_dwell,
@@ -113,6 +119,21 @@ class Scene(Section):
             with mistakes.kept():
                 check()
         mistakes.refuse()
+
+    def _void(self) -> Iterator[str]:
+        """Sections and keys that do nothing in a scene of this kind."""
+        if self.motion is not None:
+            plain = {"tolerance": Tolerance(), "mesh": Mesh()}
+            for key in PLANNED:
+                if getattr(self, key) not in (None, (), plain.get(key)):
+                    yield f"[{key}]: only for a scene with [hand] or [robot]"
+            if self.target is not None and not self.target.at_rest:
+                yield "[target] velocity and arrival: only for a scene with [hand] or [robot]"
+        if self.hand is not None and self.bounds.palm_clearance is not None:
+            yield "[workspace] palm_clearance: only for a scene with [robot]; a [hand] has no palm"
+        jerks = self.robot is not None and self.robot.control == "jerk"
+        if self.cost is not None and self.cost.jerk != Cost().jerk and not jerks:
+            yield '[cost] jerk: only for a scene with [robot] and its control = "jerk"'
 
     def _check_grasp(self) -> None:
         if self.grasp.offset > self.object.com:

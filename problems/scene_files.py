@@ -102,6 +102,8 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
     with within(f"[{key}]", " "):
         if key == "gripper":
             data = _gripper_data(value, folder)
+            if value.get("raw") is True and not isinstance(value.get("table"), str):
+                raise InputError("raw: only with 'table'")
             if isinstance(value.get("table"), str):
                 said = ("force", "dwell", "opening", "times", "forces")
                 other = [k for k in value if k in said]

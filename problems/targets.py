@@ -293,7 +293,9 @@ class Cost(Section):
 
     time: float = quantity("1/s, of the time until the hand opens", least=0, most=1e4, default=2.0)
     acceleration: float = quantity("1/s", least=1e-3, most=1e4, default=10.0)
-    jerk: float = quantity("1/s", least=1e-3, most=1e4, default=1.0)
+    jerk: float = quantity(
+        "1/s; only with [robot] and its `control` = `jerk`", least=1e-3, most=1e4, default=1.0
+    )
 
     @property
     def fast(self) -> Cost:
@@ -317,13 +319,18 @@ class Mesh(Section):
         choices=("gauss", "rk4"),
         default="gauss",
     )
-    substeps: int = quantity("steps per interval of `rk4`", least=1, most=20, default=2)
+    substeps: int = quantity("steps per interval; only with `rk4`", least=1, most=20, default=2)
     epsilon: float = quantity(
         "relative rounding width of the friction laws", above=0, most=1, default=0.02
     )
     carry_max: float = quantity(
         "s, longest carry; above the gripper's dwell by 0.05 s", above=0, default=2.0
     )
+
+    def check(self) -> None:
+        """Substeps are those of `rk4`."""
+        if self.integrator != "rk4" and self.substeps != Mesh.substeps:
+            raise InputError(f'substeps = {self.substeps}: only with integrator = "rk4"')
 
 
 @dataclasses.dataclass(frozen=True)

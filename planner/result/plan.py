@@ -366,8 +366,8 @@ class Plan:
             worst = self.throw.manipulator.joints[load_step.index(step)]
             words += (
                 f"\n  note: as the pads let go, {worst} loses a load of {step:.2f} N m in "
-                f"{1e3 * TICK:g} ms, more than\n        {rate_limit:,.0f} N m/s: a disturbance that "
-                "the controller feels, not a command; [torque] rate does not limit it"
+                f"{1e3 * TICK:g} ms, more than\n        {rate_limit:,.0f} N m/s: a disturbance "
+                "that the controller feels, not a command; [torque] rate does not limit it"
             )
         return words
 

@@ -122,7 +122,7 @@ def load_steps(
     torques = np.column_stack([torques[:, 0], torques, np.zeros(len(torques))])
     begin = np.arange(-TICK, times[-1], TICK / 20)
     loads = [[np.interp(begin + late, knots, row) for late in (0.0, TICK)] for row in torques]
-    return np.asarray(np.abs(np.diff(loads, axis=1)).max(axis=(1, 2)))
+    return read_only(np.abs(np.diff(loads, axis=1)).max(axis=(1, 2)))
 
 
 def rest_torques(scene: Scene, manipulator: Manipulator, q: Array, *, held: bool) -> Array:

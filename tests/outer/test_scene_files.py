@@ -327,6 +327,58 @@ def test_wrong_optional_sections_are_refused(section, text, words, tmp_path) -> 
     assert message.count(f"[{section}]") == 1
 
 
+#: Sections of built-in scenes that would do nothing there, and the words that refuse them.
+VOID = [
+    *[
+        (
+            "drop",
+            section,
+            re.escape(section.splitlines()[0].replace("[[", "[").replace("]]", "]"))
+            + ": only for a scene",
+        )
+        for section in (
+            "[tolerance]\nposition = 0.01",
+            "[cost]",
+            "[choice]",
+            "[cup]\nrim = 0.1\nradius = 0.1\ndepth = 0.1\nx = 0.3",
+            "[landing]\nspeed_max = 1.0",
+            "[workspace]\nfloor = 0.0",
+            '[[obstacle]]\nname = "a"\nkind = "sphere"\nsize = [0.1]\nposition = [0, 0, 0]',
+            "[uncertainty]\ndelay = { uniform = 0.01 }",
+            "[robust]",
+            "[mesh]\ncarry = 8",
+        )
+    ],
+    (
+        "drop",
+        "[target]\nx = 0.3\nz = -0.5\narrival = 1.0",
+        r"\[target\] velocity and arrival: only",
+    ),
+    ("hand-box", "[workspace]\npalm_clearance = 0.01", r"\[workspace\] palm_clearance: only for"),
+    ("hand-box", "[cost]\njerk = 3.0", r"\[cost\] jerk: only for"),
+    ("pose", "[mesh]\nsubsteps = 4", r"\[mesh\] substeps = 4: only with integrator"),
+]
+
+
+@pytest.mark.parametrize(("name", "section", "words"), VOID)
+def test_what_would_do_nothing_in_a_scene_is_refused(name, section, words, tmp_path) -> None:
+    message = refusal(tmp_path, f"{tp.scene_text(name)}\n{section}\n")
+    assert re.search(words, message) and message.count("\n") <= 1, message
+
+
+@pytest.mark.parametrize(
+    ("name", "heading", "key"),
+    [
+        ("drop", "[motion]", "cutoff = 20.0"),
+        ("drop", "[motion]", "opening_time = 0.2"),
+        ("pose", "[gripper]", "raw = true"),
+    ],
+)
+def test_keys_of_a_recording_need_one(name, heading, key, tmp_path) -> None:
+    text = tp.scene_text(name).replace(heading, f"{heading}\n{key}")
+    assert f"{heading} {key.split()[0]}: only with 'table'" in refusal(tmp_path, text)
+
+
 def test_torque_is_only_for_a_robot_with_masses(tmp_path) -> None:
     text = f"{tp.scene_text('hand-box')}\n[torque]\n"
     assert "only for a scene with [robot]" in refusal(tmp_path, text)
