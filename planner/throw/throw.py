@@ -182,8 +182,10 @@ class Throw:
         return found
 
     def __getstate__(self) -> dict[str, Any]:
-        """The state without `core`, whose addresses are valid in this process only."""
-        return {name: value for name, value in vars(self).items() if name != "core"}
+        """The state without `core`, whose addresses are valid in this process only, and without
+        `load_steps`, which would come back writable."""
+        left_out = ("core", "load_steps")
+        return {name: value for name, value in vars(self).items() if name not in left_out}
 
     @cached_property
     def torques(self) -> Torques:
