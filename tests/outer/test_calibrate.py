@@ -62,7 +62,7 @@ def calibration(**changes) -> tp.Calibration:
         "rate": (-20.0, 20.0),
         "mass": 0.24,
         "com": 0.1,
-        "force": 120.0,
+        "force": 70.0,
         "opening": 0.05,
         "friction": 1.0,
         "patch_radius": 0.0025,
@@ -359,7 +359,7 @@ def test_wrong_files_and_options_are_refused(refused, plans, tmp_path):
     throws_file(plans, path, 9, bias=(0.0, 6.2))
     assert "theta" in refused("calibrate --scene pose", path)
     throws_file(plans, path, 9)
-    assert "arm" in refused("calibrate --scene hand-flip", path)
+    assert "its arm" in refused("calibrate --scene fr3", path)
     assert "[motion]" in refused("calibrate --scene drop", path)
     for option in ("--fit", "--throws 4", "--only com=com1"):
         assert option.split()[0] in refused(f"calibrate {path} --scene pose {option}")
