@@ -254,7 +254,10 @@ TRUTH = {"friction": 0.45, "patch_radius": 0.0045}
 
 @pytest.fixture(scope="module")
 def swings() -> tuple[tp.Plan, ...]:
-    planner = tp.Planner(profile_bin(cup=None, obstacle=(), target=tp.Pose(x=1.1, z=-0.15)))
+    """Swings fast enough that a low-pass takes accelerations from them."""
+    fast = tp.Torque(rate=1e5)
+    scene = profile_bin(cup=None, obstacle=(), target=tp.Pose(x=1.1, z=-0.15), torque=fast)
+    planner = tp.Planner(scene)
     places = [(1.0, -60), (1.2, -50), (1.25, -70), (0.9, -90), (1.1, -90), (1.2, -30)]
     return tuple(planner.plan(tp.Pose(x, -0.15, math.radians(angle))) for x, angle in places)
 
