@@ -61,6 +61,10 @@ class GripperCapsule:
     radius: float = described("m", above=0)
 
 
+#: Keys of a gripper's body that take the place of an arm's, in [tool].
+BODY = ("tcp", "palm_back", "palm_front", "palm_half_width", "open_width")
+
+
 @dataclass(frozen=True)
 class GripperData:
     """A gripper for any arm: its grip, and its body in the flange's frame."""
@@ -81,6 +85,7 @@ class GripperData:
     force_peak: float | None = described(
         "N, of one pad, the most that a scene may ask for; left out: not known", None, above=0
     )
+    open_width: float = described("m, gap of the open pads", 0.08, above=0)
     capsules: tuple[GripperCapsule, ...] = described("its shapes, see [[capsules]]", ())
     delay: Distribution | None = described(
         "s, of the opening about `dwell`, as in [uncertainty], where a scene leaves out both", None
@@ -96,12 +101,11 @@ class GripperData:
     def of_hand(cls, arm: Arm, description: str, **grip: Any) -> GripperData:
         """The hand of an arm's data file; grip: force, dwell, opening and delay."""
         hand, tool, number = arm.links[-1], arm.tool, arm.joints + 1
-        reach = ("tcp", "palm_back", "palm_front", "palm_half_width")
         capsules = (c for c in arm.capsules if c.link == number)
         return cls(
             description=description,
             **grip,
-            **{key: getattr(tool, key) for key in reach},
+            **{key: getattr(tool, key) for key in BODY},
             mass=hand.mass,
             com=hand.com,
             inertia=hand.inertia,
@@ -119,8 +123,7 @@ class GripperData:
         own = table_of(self)
         joints = len(tables.get("dh") or tables.get("joints") or ())
         result = dict(tables)
-        reach = {key: own[key] for key in ("tcp", "palm_back", "palm_front", "palm_half_width")}
-        result["tool"] = {**tables.get("tool", {}), **reach}
+        result["tool"] = {**tables.get("tool", {}), **{key: getattr(self, key) for key in BODY}}
         if tables.get("links"):
             hand = {key: own[key] for key in ("mass", "com", "inertia")}
             result["links"] = [*tables["links"][:joints], hand]

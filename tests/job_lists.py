@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from throwplan import Planner
-from throwplan.planner.cycle import Cycle, place_jobs, plan_cycle, save_cycle
+from throwplan.planner.cycle import Cycle, plan_cycle, save_cycle
 from throwplan.planner.result import Plan, joint_samples, sent_throw
 from throwplan.planner.robot import ObjectReplay, replay_cycle
 from throwplan.planner.throw import TICK, State, joint_limits, transfer
@@ -145,7 +145,6 @@ def _posts(random: np.random.Generator) -> str:
 def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
     """Plan and judge random lists, and print times an object and their median and 90 %."""
     names = ["thrown", "with stops", "ratio", "one by one", "ratio", "planning"]
-    names += ["placed", "thrown/placed"] if kind == "near" else []
     print("time an object [s]:", ", ".join(names))
     rows, broken, unsolved, thrown = list[list[float]](), 0, 0, list[ObjectReplay]()
     for seed in range(count):
@@ -166,10 +165,6 @@ def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
         for other in (cycle.stops, one_by_one(jobs, cycle)):
             row += [other, cycle.duration / other * picks]
         row += [spent]
-        if kind == "near":
-            placed = place_jobs(jobs)
-            row += [placed.duration, cycle.duration / placed.duration * picks]
-            found += [f"placing: {placed.trouble}"] if placed.trouble else []
         rows.append([value / picks for value in row])
         broken += bool(found)
         print(seed, *(f"{value:.3f}" for value in rows[-1]), found, flush=True)

@@ -88,6 +88,7 @@ class Tool:
     palm_back: float = described("m, the hand's body behind the pads' centre: from here")
     palm_front: float = described("m, to here")
     palm_half_width: float = described("m, half its thickness in the throwing plane", least=0)
+    open_width: float = described("m, gap of the open pads", 0.08, above=0)
     xyz: Point = described("m, the mount in the last joint's frame", (0.0, 0.0, 0.0))
     rpy: Point = described("rad, rotation of the mount in the last joint's frame", (0.0, 0.0, 0.0))
 

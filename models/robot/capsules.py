@@ -80,7 +80,8 @@ def about_z(angle: float) -> Array:
 
 def segment_distance(begin: Array, end: Array, other: Array, last: Array) -> Array:
     """Distance (N,) [m] of segments, each (N, 3): `begin` to `end` from `other` to `last`."""
-    distances, pairs = np.empty(len(begin)), np.stack([begin, end, other, last], axis=1)
+    pairs = np.ascontiguousarray(np.stack([begin, end, other, last], axis=1))
+    distances = np.empty(len(begin))
     library().segment_distances(len(distances), pairs, distances)
     return distances
 

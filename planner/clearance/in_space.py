@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from ...models import Array, read_only
-from ...models.robot import PadMotion, PlanarArm, SpatialArm
+from ...models.robot import PadMotion, PlanarArm, Solid, SpatialArm
 from ...problems import Scene, ThrowPlane
 from ..throw import Manipulator
-from .bodies import CollisionScene, SweptBodies, bar_radii
+from .bodies import CollisionScene, KeepOut, SweptBodies, bar_radii
 from .outlines import bar_ends, held_bar
 
 
@@ -120,6 +120,41 @@ class SpatialScene:
         moved = tuple((min(number, last) - 1) or -1 for number in capsules.number)
         arm = dataclasses.replace(capsules, moved_by=moved, hand_moved_by=last - 1)
         return dataclasses.replace(found, arm=arm)
+
+    @cached_property
+    def open_hand(self) -> CollisionScene:
+        """All that moves with the last joint, the fingers open, as obstacles in the frame of the
+        pads: boxes around the capsules, ahead of the palm without the gap between the pads."""
+        arm, found = self.kinematics.arm, list[KeepOut]()
+        gap, front = arm.tool.open_width / 2, -arm.tool.palm_front
+        for one in arm.capsules:
+            if one.link < arm.joints:
+                continue
+            frame = np.linalg.inv(self._at_rest[1]) @ self.kinematics.rest_frames[one.link - 1]
+            ends = np.array([one.begin, one.end]) @ frame[:3, :3].T + frame[:3, 3]
+            low, high = ends.min(axis=0) - one.radius, ends.max(axis=0) + one.radius
+            behind, ahead, inf = high.copy(), low.copy(), np.full(3, np.inf)
+            behind[2], ahead[2] = min(high[2], front), max(low[2], front)
+            left, right = inf.copy(), -inf
+            left[1], right[1] = -gap, gap
+            for begin, end in (
+                (low, behind),
+                (ahead, np.minimum(high, left)),
+                (np.maximum(ahead, right), high),
+            ):
+                if (end > begin).all():
+                    box = Solid((begin + end) / 2, np.eye(3), (end - begin) / 2, 0.0)
+                    found.append(KeepOut("hand", box, 0.0))
+        return CollisionScene(self.scene, tuple(found), None)
+
+    def object_in_pads(self, q: Array, joints: Array) -> Array:
+        """Ends (K, 2, 3, N) [m] of the axes of the object's capsules in the frame of the pads with
+        joints q (N, joints), the object where pads with `joints` (joints,) hold it."""
+        both = np.vstack([q, joints])
+        poses = self.spatial.pads(both, 0.0 * both, 0.0 * both).pose
+        axes, places = poses[:-1, :3, :3], poses[:-1, :3, 3]
+        ends = self.parts_in_hand @ poses[-1, :3, :3].T + poses[-1, :3, 3]
+        return np.asarray(np.einsum("nji,npkj->pkin", axes, ends - places[:, None, None]))
 
     def lowest_of_bar(self, pads: PadMotion) -> Array:
         """Height (N,) [m] of the held object's lowest point, of a bar its lowest corner."""

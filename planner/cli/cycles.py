@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ...problems.job_files import load_jobs
-from ..cycle import CYCLE_FILES, place_jobs, plan_cycle, save_cycle
+from ..cycle import CYCLE_FILES, plan_cycle, save_cycle
 from .common import (
     DONE,
     Add,
@@ -37,12 +37,9 @@ def cycle(options: argparse.Namespace) -> int:
     patience = {} if options.patience is None else {"patience": options.patience}
     with Progress(jobs.name) as progress:
         found = plan_cycle(jobs, progress=progress.about, **patience)
-        progress.about(f"{jobs.name}: the same jobs by placing")
-        placing = place_jobs(jobs)
     save_out(options, jobs.name, lambda folder: save_cycle(found, folder))
-    table = found.to_dict() | {"placing": placing.to_dict()}
     if not found.solved:
-        print_result(options, table, f"{jobs.name}: not solved")
+        print_result(options, found.to_dict(), f"{jobs.name}: not solved")
         return fail(found.message)
-    print_result(options, table, f"{found.summary()}\n  {placing.words}{written(options)}")
+    print_result(options, found.to_dict(), found.summary() + written(options))
     return DONE

@@ -266,92 +266,111 @@ def still(state: State, ticks: int) -> Samples:
 
 
 def option_of(
-    parts: tuple[Transfer, ...], route: tuple[int, ...], after: int = 0, join: int = 0
+    parts: Sequence[Transfer | Samples], route: tuple[int, ...], after: int = 0, join: int = 0
 ) -> Option:
-    """Transfers one after another, and the number of samples of the throw that follow."""
-    ticks = sum(part.ticks for part in parts) + after
-    make = functools.partial(joined, [part.samples for part in parts])
+    """Motions one after another, and the number of samples of the throw that follow."""
+    ticks = sum(p.ticks if isinstance(p, Transfer) else len(p.q) - 1 for p in parts) + after
+
+    def make() -> Samples:
+        return joined([p.samples if isinstance(p, Transfer) else p for p in parts])
+
     return Option(TICK * ticks, make, join, route=route)
 
 
-def _fastest(space: SpatialScene, start: State, goal: State) -> Iterator[Option]:
-    """The fastest direct motion."""
-    found = itertools.islice(direct(space, start, goal), 1)
-    return (option_of((each,), DIRECT) for each in found)
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """Between what a motion leads: motions (N, joints) that begin it, of which it takes one, and
+    motions that end it; each the fastest first, the gentlest last. One sample is a state."""
 
+    space: SpatialScene
+    begins: Sequence[Samples]
+    goals: Sequence[Samples]
 
-def _slower(space: SpatialScene, start: State, goal: State, *, held: bool) -> Iterator[Option]:
-    """Motions slowed until the verdict allows them, direct and by a raised pose; then by shares of
-    the limits, direct and by a lifted pose over the pick."""
-    middle = raised_pose(space, (goal if start.dq.any() else start).q)
-    for states, route in (((start, goal), DIRECT), ((start, middle, goal), RAISED)):
-        try:
-            parts = [
-                slowed_transfer(space, *ends, held=held) for ends in itertools.pairwise(states)
-            ]
-        except UnsolvedError:
-            continue
-        yield option_along(parts, route)
-    for found in itertools.islice(direct(space, start, goal), 1, None):
-        yield option_of((found,), DIRECT)
-    for number, height in enumerate(LIFTS):
-        lifted = lifted_pose(space, (start if held else goal).q, height)
-        ways = direct(space, start, lifted), direct(space, lifted, goal)
-        for both in zip(*ways, strict=False):
-            yield option_of(both, (*LIFTED, number))
+    def fastest(self) -> Iterator[Option]:
+        """The fastest direct motions."""
+        for begin, goal in itertools.product(self.begins, self.goals):
+            states = state_at(begin, -1), state_at(goal, 0)
+            for found in itertools.islice(direct(self.space, *states), 1):
+                yield option_of((begin, found, goal), DIRECT)
 
+    def slower(self, *, held: bool) -> Iterator[Option]:
+        """Motions slowed until the verdict allows them, direct and by a raised pose; then by shares
+        of the limits, direct and by a lifted pose over the pick."""
+        pick = self.begins[0].q[0] if held else self.goals[0].q[-1]
+        middle = raised_pose(self.space, pick)
+        for rank in (0, -1):
+            begin, goal = self.begins[rank], self.goals[rank]
+            start, end = state_at(begin, -1), state_at(goal, 0)
+            for states, route in (((start, end), DIRECT), ((start, middle, end), RAISED)):
+                try:
+                    parts = [
+                        slowed_transfer(self.space, *pair, held=held)
+                        for pair in itertools.pairwise(states)
+                    ]
+                except UnsolvedError:
+                    continue
+                yield option_of((begin, *parts, goal), route)
+        for found in itertools.islice(direct(self.space, start, end), 1, None):
+            yield option_of((begin, found, goal), DIRECT)
+        for number, height in enumerate(LIFTS):
+            lifted = lifted_pose(self.space, pick, height)
+            ways = direct(self.space, start, lifted), direct(self.space, lifted, end)
+            for both in zip(*ways, strict=False):
+                yield option_of((begin, *both, goal), (*LIFTED, number))
 
-def option_along(parts: list[Samples], route: tuple[int, ...] = ()) -> Option:
-    """Samples one after another."""
-    samples = joined(parts)
-    return Option(TICK * (len(samples.q) - 1), lambda: samples, route=route)
+    def after_brake(self, one: CycleThrow) -> Iterator[Option]:
+        """Motions that stop after the throw's own brake, which keeps clear of what is around it; at
+        once, and when the object has landed."""
+        rest, landed = at_rest(one.samples.q[-1]), len(one.samples.q) - 1
+        goal = self.goals[-1]
+        for found in direct(one.space, rest, state_at(goal, 0)):
+            for until in {max(one.braked, one.free), landed}:
+                yield option_of((one.samples[one.free : until + 1], found, goal), BRAKED)
 
 
 def rest_connection(
-    space: SpatialScene,
-    start: State,
-    goal: State,
+    ends: Ends,
     hit: Callable[[Samples], int],
     blocked: int,
-    *,
-    held: bool,
+    come: Callable[[Samples], Sequence[Finding]] | None,
 ) -> Connection:
-    """From rest to rest; hit, blocked: as of `Connection`."""
+    """From rest to rest; hit, blocked: as of `Connection`.
+
+    come: what the open hand touches at the end; None if the hand holds an object.
+    """
+
+    def judge(found: Option) -> Finding | None:
+        broken = first_finding(ends.space, found.samples, held=come is None)
+        return broken or next(iter(come(found.samples) if come else ()), None)
+
     return Connection(
-        _fastest(space, start, goal),
-        lambda: _slower(space, start, goal, held=held),
-        lambda found: first_finding(space, found.samples, held=held),
+        ends.fastest(),
+        lambda: ends.slower(held=come is None),
+        judge,
         lambda found: hit(found.samples),
         blocked,
     )
 
 
-def _after_brake(one: CycleThrow, goal: State) -> Iterator[Option]:
-    """Motions that stop after the throw's own brake, which keeps clear of what is around it; at
-    once, and when the object has landed."""
-    rest, landed = at_rest(one.samples.q[-1]), len(one.samples.q) - 1
-    for found in direct(one.space, rest, goal):
-        for until in {max(one.braked, one.free), landed}:
-            yield option_along([one.samples[one.free : until + 1], found.samples], BRAKED)
-
-
 def leave_connection(
-    one: CycleThrow, goal: State, hit: Callable[[Samples], int], blocked: int
+    one: CycleThrow,
+    goals: Sequence[Samples],
+    hit: Callable[[Samples], int],
+    blocked: int,
+    come: Callable[[Samples], Sequence[Finding]],
 ) -> Connection:
-    """From the release to rest at the next pick or at home, if allowed without a stop; hit,
-    blocked: as of `Connection`."""
-    start = state_at(one.samples, one.free)
+    """From the release to rest at the next pick or at home, if allowed without a stop; others: as
+    of `rest_connection`."""
+    ends = Ends(one.space, [one.samples[one.free : one.free + 1]], goals)
 
     def judge(found: Option) -> Finding | None:
         broken = first_finding(one.space, found.samples, held=False)
         flown = flight_findings(one.space, one.throw, found.samples, TICK * one.free)
-        return broken or next(iter(flown), None)
+        return broken or next(iter((*flown, *come(found.samples))), None)
 
     return Connection(
-        _fastest(one.space, start, goal),
-        lambda: itertools.chain(
-            _slower(one.space, start, goal, held=False), _after_brake(one, goal)
-        ),
+        ends.fastest(),
+        lambda: itertools.chain(ends.slower(held=False), ends.after_brake(one)),
         judge,
         lambda found: hit(found.samples),
         blocked,

@@ -19,7 +19,15 @@ from ...problems.files import plain
 from ..clearance import SpatialScene
 from ..throw import NO_SAMPLES, TICK, Manipulator, Samples, State, Throw, braked, make_manipulator
 from ..uncertainty import warnings
-from ..verdict import Finding, Verdict, calibrated_landing, flight_findings, motion_verdict, verdict
+from ..verdict import (
+    Finding,
+    Verdict,
+    approach_findings,
+    calibrated_landing,
+    flight_findings,
+    motion_verdict,
+    verdict,
+)
 from .waiting import among, waiting_object
 
 #: What is known of the order of picks, in words.
@@ -175,6 +183,9 @@ class Cycle(ReadOnly):
             for begin, end, held in ((empty_from, step.held, False), (step.held, opens, True)):
                 found = motion_verdict(space, self.samples[begin : end + 1], held=held)
                 yield from _later(found.findings, begin)
+            way = self.samples[empty_from : step.reach + 1]
+            came = approach_findings(step.space, way, self.samples.q[step.held])
+            yield from _later(came, empty_from)
             empty_from = math.ceil(step.detach_time / TICK)
             yield from _later(verdict(throw.among(space.scene.obstacle)).findings, step.join)
             flown = flight_findings(

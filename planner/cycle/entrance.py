@@ -19,6 +19,7 @@ import numpy as np
 from ...models import Indices
 from ..throw import TICK, Limits, Samples, State, Transfer, joint_limits, transfer
 from ..verdict import first_finding
+from .approach import WAYS, Approach
 from .connections import (
     DIRECT,
     LIFTED,
@@ -27,6 +28,7 @@ from .connections import (
     Connection,
     CycleThrow,
     Option,
+    at_rest,
     by_raised,
     direct,
     joined,
@@ -46,19 +48,21 @@ ENDS = (0.6, 0.8, 0.95)
 RISE = 150
 #: Shares of the time until the pads may open in which the other joints turn.
 TURNS = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
+#: Largest rate [rad/s] of a joint at rest.
+AT_REST = 1e-6
 #: Least share of the limits on acceleration and jerk of a gentle motion, and the number of
 #: bisections that find its share.
 LEAST_SHARE, SHARE_STEPS = 0.02, 7
 
 
 def enter_connection(
-    one: CycleThrow, pick: State, hit: Callable[[Samples], int], blocked: int
+    one: CycleThrow, approach: Approach, hit: Callable[[Samples], int], blocked: int
 ) -> Connection:
     """From rest at a pick into a throw; its time is until the hand may leave the throw's plane.
 
     hit, blocked: as of `Connection`.
     """
-    entrance = _Entrance(one, pick)
+    entrance = _Entrance(one, approach)
     return Connection(
         entrance.options(),
         entrance.raised,
@@ -71,8 +75,8 @@ def enter_connection(
 class _Entrance:
     """The motions from one pick into one throw."""
 
-    def __init__(self, one: CycleThrow, pick: State) -> None:
-        self.one, self.pick = one, pick
+    def __init__(self, one: CycleThrow, approach: Approach) -> None:
+        self.one, self.approach = one, approach
         arm = one.space.kinematics.arm
         self.throwing = np.array(one.space.kinematics.throwing_joints) - 1
         self.aside = np.setdiff1d(np.arange(arm.joints), self.throwing)
@@ -87,24 +91,35 @@ class _Entrance:
         return joined([found.samples, self._throw[found.join : self.opens + 1]])
 
     def options(self) -> Iterator[Option]:
-        """Motions with all joints at once."""
-        start, goal = (_of(state, self.aside) for state in (self.pick, state_at(self._throw, 0)))
+        """Motions with all joints at once, from each speed behind the pick."""
+        for rank, (lead, gentle) in enumerate(WAYS):
+            way = self.approach.leaving(lead, gentle)
+            if way is not None:
+                yield from self._from(rank, lead, gentle, state_at(way, -1))
+
+    def _from(self, rank: int, lead: float, gentle: float, begin: State) -> Iterator[Option]:
+        """Motions from a state behind the pick, where the hand has the speed `lead` [m/s]."""
+        start, goal = (_of(state, self.aside) for state in (begin, state_at(self._throw, 0)))
         fastest = transfer(self.aside_limits, start, goal)
-        if fastest is None:
+        # Joints that do not throw begin at rest, as those that do where they wait.
+        if fastest is None or (lead and np.abs(start.dq).max(initial=0.0) > AT_REST):
             return
         for (which, swing), speed, (place, end) in itertools.product(
-            enumerate(self._swings()), SPEEDS, enumerate(ENDS)
+            enumerate(self._swings(begin)), SPEEDS, enumerate(ENDS)
         ):
             found = _stretched(swing, speed, round(end * (len(swing.q) - 1)))
-            if found is None:
+            way = self.approach.leaving(speed * lead, gentle)
+            if found is None or way is None:
                 continue
             wait = max(fastest.ticks - len(found.q) + 1, 0)
+            if wait and lead:
+                continue
             until = wait + len(found.q) - 1
-            duration = TICK * (until + self.one.free - self.opens)
+            duration = TICK * (len(way.q) - 1 + until + self.one.free - self.opens)
             for number, share in enumerate(TURNS):
                 turn = max(round(share * until), fastest.ticks)
-                make = functools.partial(self._samples, found, wait, turn)
-                family = which, place, number
+                make = functools.partial(self._samples, way, found, wait, turn)
+                family = rank, which, place, number
                 yield Option(duration, make, self.opens, family, speed, family)
                 if turn == fastest.ticks:
                     break
@@ -113,13 +128,13 @@ class _Entrance:
     def _throw(self) -> Samples:
         return self.one.samples
 
-    def _swings(self) -> list[Samples]:
-        """The fastest swings allowed in the throw's plane, one of them from the throw's own start;
-        the throwing joints only.
+    def _swings(self, begin: State) -> list[Samples]:
+        """The fastest swings from a state that are allowed in the throw's plane, one of them from
+        the throw's own start; the throwing joints only.
 
         Until the last sample at which the pads are closed.
         """
-        throw, start = self._throw, _of(self.pick, self.throwing)
+        throw, start = self._throw, _of(begin, self.throwing)
         found, early = list[Samples](), list[Samples]()
         for share, (velocity, acceleration) in itertools.product(JOINS, SHARES):
             k = round(share * self.opens)
@@ -137,36 +152,39 @@ class _Entrance:
 
     def _holds(self, swing: Samples) -> bool:
         """Whether a swing in the throw's plane is allowed."""
-        rows = np.zeros((3, len(swing.q), len(self.pick.q)))
+        rows = np.zeros((3, len(swing.q), self._throw.q.shape[1]))
         rows[0] = self._throw.q[0]
         rows[:, :, self.throwing] = swing.rows
         return first_finding(self.one.space, Samples(*rows), held=True) is None
 
-    def _samples(self, swing: Samples, wait: int, turn: int) -> Samples:
-        """All joints: the throwing ones wait and swing, the others turn in `turn` samples."""
+    def _samples(self, way: Samples, swing: Samples, wait: int, turn: int) -> Samples:
+        """All joints: straight from the pick; then the throwing ones wait and swing, the others
+        turn in `turn` samples."""
         if turn not in self._turned:
-            start, goal = _of(self.pick, self.aside), _of(state_at(self._throw, 0), self.aside)
+            start, goal = at_rest(way.q[-1, self.aside]), _of(state_at(self._throw, 0), self.aside)
             self._turned[turn] = _gentle_transfer(self.aside_limits, start, goal, turn)
         turned = self._turned[turn]
-        rows = np.zeros((3, wait + len(swing.q), len(self.pick.q)))
+        rows = np.zeros((3, wait + len(swing.q), way.q.shape[1]))
         last = np.minimum(np.arange(rows.shape[1]), turned.ticks)
-        rows[0, :wait] = self.pick.q
+        rows[0, :wait] = way.q[-1]
         rows[:, wait:, self.throwing] = swing.rows
         rows[:, :, self.aside] = turned.samples.rows[:, last]
-        return Samples(*rows)
+        return joined([way, Samples(*rows)])
 
     def raised(self) -> Iterator[Option]:
         """Motions to rest at the swing's start, or by a raised pose or two lifted ones, joining the
         swing at its start or in its middle."""
-        for slow in direct(self.one.space, self.pick, state_at(self._throw, 0)):
-            yield option_of((slow,), DIRECT, self.one.free)
+        way = self.approach.away[-1]
+        start = state_at(way, -1)
+        for slow in direct(self.one.space, start, state_at(self._throw, 0)):
+            yield option_of((way, slow), DIRECT, self.one.free)
         for k in (0, self.opens // 2):
-            ends, after = (self.one.space, self.pick, state_at(self._throw, k)), self.one.free - k
+            ends, after = (self.one.space, start, state_at(self._throw, k)), self.one.free - k
             for parts in by_raised(*ends):
-                yield option_of(parts, (*RAISED, k), after, k)
+                yield option_of((way, *parts), (*RAISED, k), after, k)
             for number, height in enumerate(LIFTS):
                 for parts in turned_above(*ends, self._throw.q[0], height):
-                    yield option_of(parts, (*LIFTED, k, number), after, k)
+                    yield option_of((way, *parts), (*LIFTED, k, number), after, k)
 
 
 def _stretched(swing: Samples, speed: float, end: int) -> Samples | None:

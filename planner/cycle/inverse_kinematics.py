@@ -79,16 +79,6 @@ def inverse_kinematics(
     return search.nearest(found)[0]
 
 
-def hand_poses(space: SpatialScene, pose: HandPose, seed: Sequence[float]) -> list[Array]:
-    """All joints that `inverse_kinematics` finds from its starts with an object in the hand, the
-    nearest to the seed first."""
-    search, found = _PoseSearch(space, pose, np.array(seed, float), held=True), list[Array]()
-    for _, q in search.solutions():
-        if all(np.abs(q - other).max() > ALIKE for other in found):
-            found.append(q)
-    return search.nearest(found)
-
-
 def throwing_pose(space: SpatialScene, pose: HandPose, seed: Sequence[float]) -> Array:
     """Joints as of `inverse_kinematics` with the object in the hand; of several the one whose
     joints that do not throw are next to the seed, from where throws start at once."""

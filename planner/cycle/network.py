@@ -13,8 +13,18 @@ import numpy as np
 from ...models import Array
 from ...problems.job_files import Jobs
 from ..clearance import SpatialScene
-from ..throw import Samples, State
-from .connections import Connection, CycleThrow, at_rest, leave_connection, rest_connection
+from ..throw import Samples
+from ..verdict import Finding, approach_findings
+from .approach import approach_of
+from .connections import (
+    Connection,
+    CycleThrow,
+    Ends,
+    at_rest,
+    leave_connection,
+    rest_connection,
+    still,
+)
 from .cycle import UnsolvedError
 from .entrance import enter_connection
 from .order import Passing, Times, best_order, best_round
@@ -30,30 +40,31 @@ class Network:
         self.jobs, self.throws, self._objects = jobs, throws, objects
         self.picks = [at_rest(pick.joints or ()) for pick in jobs.picks]
         self.home = None if jobs.home is None else at_rest(jobs.home)
+        self.approaches = [approach_of(jobs, pick) for pick in jobs.picks]
         self._connections: dict[tuple[object, ...], Connection] = {}
 
     def first(self, pick: int) -> Connection | None:
         """From home to a pick; None where the cycle begins at a pick."""
         if self.home is None:
             return None
-        return self._from_rest(
-            ("first", pick), self.throws[0].space, self.home, self.picks[pick], pick, held=False
-        )
+        ends = Ends(self.throws[0].space, [still(self.home, 0)], self.approaches[pick].towards)
+        return self._from_rest(("first", pick), ends, pick, held=False)
 
     def enter(self, pick: int, throw: int, *, stop: bool = False) -> Connection:
         """From a pick into a throw; stop: to rest at the throw's start."""
-        one, start = self.throws[throw], self.picks[pick]
+        one = self.throws[throw]
         if stop:
-            goal, key = at_rest(one.samples.q[0]), ("enter at rest", pick, throw)
-            return self._from_rest(key, one.space, start, goal, pick, held=True)
+            goal = still(at_rest(one.samples.q[0]), 0)
+            ends = Ends(one.space, self.approaches[pick].away, [goal])
+            return self._from_rest(("enter at rest", pick, throw), ends, pick, held=True)
         return self._connection(("enter", pick, throw), lambda: self.entering(one))
 
     def leave(self, throw: int, goal: int, *, stop: bool = False) -> Connection:
         """From a throw to a pick, or to home for -1; stop: from rest after the throw's brake."""
-        one, end = self.throws[throw], self.end(goal)
+        one = self.throws[throw]
         if stop:
-            start, key = at_rest(one.samples.q[-1]), ("leave at rest", throw, goal)
-            return self._from_rest(key, one.space, start, end, goal, held=False)
+            ends = Ends(one.space, [still(at_rest(one.samples.q[-1]), 0)], self.ends(goal))
+            return self._from_rest(("leave at rest", throw, goal), ends, goal, held=False)
         return self._connection(("leave", throw, goal), lambda: self.leaving(one, goal))
 
     def entering(self, one: CycleThrow) -> Connection:
@@ -61,11 +72,19 @@ class Network:
         hit, blocked = self._hits(one.space, one.pick, held=True)
         if self._objects is not None:
             blocked |= self._objects.hit_by_throw(one.release, one.pick)
-        return enter_connection(one, self.picks[one.pick], hit, blocked)
+        return enter_connection(one, self.approaches[one.pick], hit, blocked)
 
     def leaving(self, one: CycleThrow, goal: int) -> Connection:
         """From any throw to a pick, or to home for -1."""
-        return leave_connection(one, self.end(goal), *self._hits(one.space, goal, held=False))
+        hits = self._hits(one.space, goal, held=False)
+        return leave_connection(one, self.ends(goal), *hits, self._come(goal))
+
+    def _come(self, pick: int) -> Callable[[Samples], tuple[Finding, ...]]:
+        """What a motion to a pick touches there; nothing for home, -1."""
+        if pick < 0:
+            return lambda samples: ()
+        approach = self.approaches[pick]
+        return lambda samples: approach_findings(approach.space, samples, approach.joints)
 
     def _hits(
         self, space: SpatialScene, pick: int, *, held: bool
@@ -78,27 +97,21 @@ class Network:
         blocked = objects.hit_at_picks[pick] if pick >= 0 else 0
         return lambda samples: objects.hit(space, samples, pick, held=held), blocked
 
-    def end(self, goal: int) -> State:
-        """A pick at rest, or home for -1."""
-        found = self.picks[goal] if goal >= 0 else self.home
-        assert found is not None
-        return found
+    def ends(self, goal: int) -> list[Samples]:
+        """Motions to rest at a pick, or home for -1."""
+        if goal >= 0:
+            return self.approaches[goal].towards
+        assert self.home is not None
+        return [still(self.home, 0)]
 
     def _from_rest(
-        self,
-        key: tuple[object, ...],
-        space: SpatialScene,
-        start: State,
-        end: State,
-        pick: int,
-        *,
-        held: bool,
+        self, key: tuple[object, ...], ends: Ends, pick: int, *, held: bool
     ) -> Connection:
         """From rest to rest, from or to a pick."""
 
         def make() -> Connection:
-            hits = self._hits(space, pick, held=held)
-            return rest_connection(space, start, end, *hits, held=held)
+            hits = self._hits(ends.space, pick, held=held)
+            return rest_connection(ends, *hits, None if held else self._come(pick))
 
         return self._connection(key, make)
 

@@ -15,6 +15,7 @@ from ..clearance import SpatialScene
 from ..planner import Planner
 from ..result import Plan
 from ..throw import State, make_manipulator
+from .approach import approach_of
 from .connections import LIFTS, CycleThrow, at_rest, lifted_pose
 from .cycle import Cycle, UnsolvedError
 from .inverse_kinematics import HandPose, throwing_pose
@@ -141,9 +142,10 @@ class _Throws:
         """Throws from one pick."""
         scenes = {one.name: self.jobs.scene_of(pick, one) for one in self.jobs.bins_of(pick)}
         reasons, count = list[str](), len(self.found)
+        behind = approach_of(self.jobs, pick).away[-1].q[-1]
         for name in _nearest(pick, scenes)[:MOST_BINS]:
             try:
-                plan = self._first(scenes[name], _start(pick.joints, scenes[name]))
+                plan = self._first(scenes[name], _start(behind, scenes[name]))
             except InputError as error:
                 raise error.within(f"{self.jobs.name}: bin {name!r}") from None
             if plan.solved:

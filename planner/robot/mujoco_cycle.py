@@ -17,8 +17,6 @@ from ..throw import TICK, Throw
 from .mujoco_throw import target_travel
 from .mujoco_world import CycleWorld, grasp_pose, object_name, thickness
 
-#: Way [m] of a pad between open and closed.
-OPEN = 0.03
 #: Time [s] at the end of a grasp in which the closed pads press.
 PRESSING = 0.02
 #: Longest time [s] after the last landing in which objects in cups come to rest: the last one may
@@ -132,13 +130,14 @@ class _CycleSimulation:
     def _pads(self, times: Array) -> tuple[Array, Array]:
         """Distance [m] of the pads from their middle, and the force [N] of each, at times (N,): 0
         where they are moved and do not press."""
-        gaps, forces = np.full(times.size, OPEN), np.zeros(times.size)
+        wide = self.cycle.steps[0].space.kinematics.arm.tool.open_width / 2
+        gaps, forces = np.full(times.size, wide), np.zeros(times.size)
         for one in self.cycle.steps:
             scene, reach, held = one.scene, TICK * one.reach, TICK * one.held
             presses = max(held - PRESSING, reach)
             closing = (reach <= times) & (times < one.detach_time)
             share = np.clip((times - reach) / max(presses - reach, self.world.step), 0.0, 1.0)
-            gaps = np.where(closing, thickness(scene) / 2 + OPEN * (1.0 - share), gaps)
+            gaps = np.where(closing, wide + share * (thickness(scene) / 2 - wide), gaps)
             middle = times + self.world.step / 2 - one.opening_time
             full = scene.patch.faces / 2 * scene.gripper.profile().force(middle)
             forces = np.where((presses <= times) & (times < one.detach_time), full, forces)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
+from ...models.robot import Solid
 from ...problems import Scene
 from ..cycle import Cycle
 from ..rest import (
@@ -29,8 +30,8 @@ from .mujoco_throw import FRICTION, empty_spec, hand_inertia, weigh
 
 #: Mass [kg] of a pad: with 50 g its own motion turns the object by up to 1 degree at its landing.
 PAD_MASS = 1e-3
-#: Radius [m] of a pad's surface.
-PAD_TIP = 1e-3
+#: Radius [m] of a pad's surface, and distance of a finger behind it: a pad gives way by less.
+PAD_TIP, BEHIND = 1e-3, 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ class CycleWorld:
         mass = max(hand_inertia(scene) for scene in scenes)
         spec = empty_spec(scenes[0], step)
         spec.default.geom.contype = spec.default.geom.conaffinity = 0
-        pads = _add_hand(spec, scenes[0], mass, step)
+        pads = _add_hand(spec, cycle, mass, step)
         links = _add_around(spec, scenes)
         belts = _add_bins(spec, cycle, mass)
         parts = [geom.name for geom in spec.geoms if geom.name not in pads]
@@ -99,12 +100,14 @@ def _name(cycle: Cycle, geom: str, number: int | None) -> str:
     return body_of(geom) if number is None else f"object {cycle.steps[number].pick}"
 
 
-def _add_hand(spec: Any, scene: Scene, mass: float, step: float) -> list[str]:
-    """The driven hand and its pads, spheres that close together; returns the pads' names.
+def _add_hand(spec: Any, cycle: Cycle, mass: float, step: float) -> list[str]:
+    """The driven hand and its pads, spheres that close together, with a finger behind each; returns
+    the pads' names.
 
     A rigid pad with several contacts would leave open how it shares its force among them.
     """
-    mujoco = load_mujoco("replay")
+    mujoco, scene = load_mujoco("replay"), cycle.steps[0].scene
+    fingers = _fingers(cycle)
     hand = spec.worldbody.add_body(name="hand", gravcomp=1.0)
     hand.add_freejoint()
     weigh(hand, mass, [mass] * 3)
@@ -117,12 +120,29 @@ def _add_hand(spec: Any, scene: Scene, mass: float, step: float) -> list[str]:
         weigh(pad, PAD_MASS, [1e-9] * 3)
         kind, size = mujoco.mjtGeom.mjGEOM_SPHERE, [PAD_TIP, 0, 0]
         pad.add_geom(name=name, type=kind, size=size, pos=[0, side * PAD_TIP, 0])
+        for number, box in enumerate(fingers):
+            if side * box.centre[1] > 0.0:
+                add_solid(pad, f"{number} finger {name.removeprefix('pad ')}", box)
     coupled = spec.add_equality(name1=names[0], name2=names[1], solref=[2 * step, 1])
     coupled.type, coupled.objtype = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
     coupled.data[:2] = 0.0, 1.0
     if has_hand(scene):
         add_palm(hand, scene)
     return names
+
+
+def _fingers(cycle: Cycle) -> list[Solid]:
+    """The boxes of the fingers in the frame of the hand, `BEHIND` the surfaces of closed pads."""
+    space = cycle.steps[0].space
+    pads = space.spatial.pads(*(rows[:1] for rows in cycle.samples.rows)).pose[0, :3, :3]
+    hand = cycle.arm_at(np.zeros(1))[1][0, :3, :3]
+    turn = np.column_stack([hand[:, 0], -hand[:, 2], hand[:, 1]]).T @ pads
+    found, gap = list[Solid](), space.kinematics.arm.tool.open_width / 2
+    for box in (thing.solid for thing in space.open_hand.things):
+        if abs(box.centre[1]) > gap:
+            back = np.array([0.0, np.sign(box.centre[1]) * (BEHIND - gap), 0.0])
+            found.append(Solid(turn @ (box.centre + back), turn.T, box.half, 0.0))
+    return found
 
 
 def _add_around(spec: Any, scenes: list[Scene]) -> tuple[int, ...]:

@@ -7,6 +7,13 @@ from .batch import Judge, Verdicts, is_as_successful
 from .calibrated import CalibratedLanding, calibrated_landing, region_words
 from .carry import grip_use
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
-from .in_space import first_finding, flight_findings, flight_gaps, motion_verdict, obstacles_hit
+from .in_space import (
+    approach_findings,
+    first_finding,
+    flight_findings,
+    flight_gaps,
+    motion_verdict,
+    obstacles_hit,
+)
 from .landing import bound_words, drop_words, lands_well
 from .single import FLYING, collision, held_verdict, outside_tolerance, verdict

@@ -181,6 +181,43 @@ def _clearances(space: SpatialScene, samples: Samples, held: bool) -> list[Clear
     return pairs
 
 
+#: Distance [m] of the open hand from the object that it comes for, if it is as far at the grasp.
+OPEN = 0.01
+
+
+def approach_findings(space: SpatialScene, samples: Samples, joints: Array) -> tuple[Finding, ...]:
+    """Whether the arm touches the object that it comes for, its fingers open.
+
+    samples: of all joints (N, joints), until the grasp. joints (joints,): at the grasp, where the
+    object stands as the hand will hold it. The hand keeps `OPEN` from it, or its distance at the
+    grasp if that is less; so does the rest of the arm.
+    """
+    if space.manipulator.capsules is None:
+        return ()
+    rows = np.vstack([samples.q, joints])
+    times: Array = np.float64(TICK) * np.arange(len(rows))
+    own = space.object_in_pads(rows, joints)
+    track = space.open_hand.swept(times, None, own)
+    gaps = {"hand": space.open_hand.min_clearance(track)}
+    q = np.tile(joints, (len(rows), 1))
+    placed = np.moveaxis(space.held_ends(space.spatial.pads(q, 0 * q, 0 * q)), -1, 2)
+    bodies = space.bodies(rows, times)
+    for capsule, name, ends, radius in zip(
+        space.kinematics.arm.capsules, bodies.names, bodies.ends, bodies.reach, strict=True
+    ):
+        if 0 < capsule.link < space.kinematics.arm.joints:
+            for part, size in zip(placed, bar_radii(space.scene.object), strict=True):
+                away = segment_distance(ends[0].T, ends[1].T, *part)
+                gaps[name] = np.minimum(gaps.get(name, np.inf), away - radius - size)
+    found = list[Finding]()
+    for body, gap in gaps.items():
+        limit, k = min(OPEN, float(gap[-1])), int(gap.argmin())
+        if gap[k] < limit - NEAR:
+            words = Code.COLLISION, float(gap[k]), limit, float(times[k])
+            found.append(Finding(*words, f"open {body}", "the object that it comes for"))
+    return tuple(found)
+
+
 def flight_gaps(space: SpatialScene, throw: Throw, samples: Samples, begins: float) -> Array:
     """Least distance (N,) [m] of the arm and the object that flies, at samples from `begins` [s] on
     the throw's clock until the landing; infinite for an arm without a shape.

@@ -60,6 +60,53 @@ def test_a_cycle_breaks_no_limit(cycled: Path) -> None:
     assert broken_limits(cycled) == []
 
 
+def hand_and_objects(folder: Path) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Of each object the poses of the pads on the way to its pick, at it, and on the way from it,
+    by the arm's chain."""
+    cycle, begin, found = read_cycle(folder), 0, []
+    for step in cycle.steps:
+        placed = step.scene.arm.placed
+        rows = (cycle.samples.q[begin : step.reach + 1], cycle.samples.q[step.held : step.free])
+        way, on = (np.array([placed(q)[-1] for q in some[::2]]) for some in rows)
+        found.append((way, placed(cycle.samples.q[step.held])[-1], on))
+        begin = int(np.ceil(step.detach_time / TICK))
+    return found
+
+
+def test_the_hand_comes_to_a_pick_and_leaves_it_straight(cycled: Path) -> None:
+    """5 cm along its approach, turned as it is."""
+    for way, pick, on in hand_and_objects(cycled):
+        # The cycle begins at its first pick.
+        for poses in (way[::-1], on) if len(way) > 1 else (on,):
+            off = poses[:, :3, 3] - pick[:3, 3]
+            near = poses[: np.flatnonzero(np.linalg.norm(off, axis=1) > 0.05)[0]]
+            off = near[:, :3, 3] - pick[:3, 3]
+            along = -off @ pick[:3, 2]
+            assert along.max() > 0.045 and along.min() > -1e-6
+            assert np.linalg.norm(off + along[:, None] * pick[:3, 2], axis=1).max() < 1e-4
+            assert np.abs(near[:, :3, :3] - pick[:3, :3]).max() < 1e-3
+
+
+def test_open_fingers_touch_no_object(cycled: Path) -> None:
+    """A finger of a Franka Hand as a box of its published mesh's extents: 40 mm and more aside of
+    the pads' centre, 21 mm wide, from 45 mm behind it to 9 mm ahead. The bar as its axis."""
+    for way, pick, _ in hand_and_objects(cycled):
+        bar = pick @ np.array([[0.0, 0.0, z, 1.0] for z in np.linspace(0.0, 0.26, 27)]).T
+        x, y, z, _ = np.moveaxis(np.linalg.inv(way) @ bar, 1, 0)
+        off = np.array([np.abs(x) - 0.0105, 0.04 - np.abs(y), np.abs(z + 0.018) - 0.027])
+        assert np.linalg.norm(np.maximum(off, 0.0), axis=0).min() > 0.0142
+
+
+def test_a_finger_that_sweeps_through_its_object_is_judged(cycled: Path) -> None:
+    """The cycle's files with joint 1 turned by 4 degrees until 20 ms before the pick."""
+    cycle = read_cycle(cycled)
+    rows = cycle.samples.rows
+    second = cycle.steps[1]
+    rows[0, second.reach - 40 : second.reach - 20, 0] += math.radians(4.0)
+    words = dataclasses.replace(cycle, samples=Samples(*rows)).verdict.words
+    assert "open hand" in words and "the object that it comes for" in words
+
+
 def test_it_is_faster_than_with_stops_and_returns(cycled: Path) -> None:
     cycle = json.loads((cycled / "cycle.json").read_text())
     assert cycle["duration"] < cycle["with_stops"]
