@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +13,8 @@ from ...models import Array
 from ...problems.job_files import Jobs, Pick
 from ..clearance import SpatialScene
 from ..throw import Limits, Samples, State, joint_limits, make_manipulator, transfer
+from ..verdict import first_finding
+from .cycle import UnsolvedError
 from .inverse_kinematics import joint_rates
 
 #: Length [m] of the way.
@@ -19,8 +22,8 @@ LENGTH = 0.05
 #: Number of steps that integrate the joints along it, and degree of the polynomial through them.
 STEPS, DEGREE = 20, 6
 #: Speeds [m/s] of the hand at the far end, and shares of the joints' limits on acceleration and
-#: jerk; the last one is gentle.
-WAYS = ((0.45, 0.85), (0.25, 0.85), (0.0, 0.85), (0.0, 0.25))
+#: jerk, of which the largest is taken that the verdict allows.
+SPEEDS, SHARES = (0.45, 0.25, 0.0), (0.85, 0.6, 0.4, 0.25, 0.15, 0.1, 0.05, 0.02)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +79,29 @@ class Approach:
         return Samples(q, slope * rate, bend * rate**2 + slope * change)
 
     @cached_property
+    def leads(self) -> list[tuple[float, float, Samples]]:
+        """Of `SPEEDS` those that the verdict allows with the object in the hand, each with its share
+        and the motion away from the pick. Raises UnsolvedError without one."""
+        found, trouble = list[tuple[float, float, Samples]](), ""
+        for speed, share in itertools.product(SPEEDS, SHARES):
+            way = None if found and found[-1][0] == speed else self.leaving(speed, share)
+            broken = None if way is None else first_finding(self.space, way, held=True)
+            if broken is not None:
+                trouble = broken.words
+            elif way is not None:
+                found.append((speed, share, way))
+        if not found:
+            raise UnsolvedError(f"straight from the pick: {trouble or 'out of reach'}")
+        return found
+
+    @property
     def away(self) -> list[Samples]:
-        """The motions of `WAYS` away from the pick."""
-        return [way for each in WAYS if (way := self.leaving(*each)) is not None]
+        """The motions away from the pick, the fastest first."""
+        return [way for *_, way in self.leads]
 
     @cached_property
     def towards(self) -> list[Samples]:
-        """The same motions backwards, to rest at the pick."""
+        """The motions backwards, to rest at the pick."""
         return [Samples(way.q[::-1], -way.dq[::-1], way.ddq[::-1]) for way in self.away]
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from ...models import Indices
 from ..throw import TICK, Limits, Samples, State, Transfer, joint_limits, transfer
 from ..verdict import first_finding
-from .approach import WAYS, Approach
+from .approach import Approach
 from .connections import (
     DIRECT,
     LIFTED,
@@ -92,10 +92,8 @@ class _Entrance:
 
     def options(self) -> Iterator[Option]:
         """Motions with all joints at once, from each speed behind the pick."""
-        for rank, (lead, gentle) in enumerate(WAYS):
-            way = self.approach.leaving(lead, gentle)
-            if way is not None:
-                yield from self._from(rank, lead, gentle, state_at(way, -1))
+        for rank, (lead, share, way) in enumerate(self.approach.leads):
+            yield from self._from(rank, lead, share, state_at(way, -1))
 
     def _from(self, rank: int, lead: float, gentle: float, begin: State) -> Iterator[Option]:
         """Motions from a state behind the pick, where the hand has the speed `lead` [m/s]."""

@@ -142,7 +142,11 @@ class _Throws:
         """Throws from one pick."""
         scenes = {one.name: self.jobs.scene_of(pick, one) for one in self.jobs.bins_of(pick)}
         reasons, count = list[str](), len(self.found)
-        behind = approach_of(self.jobs, pick).away[-1].q[-1]
+        try:
+            behind = approach_of(self.jobs, pick).away[-1].q[-1]
+        except UnsolvedError as error:
+            self.trouble = self.trouble or f"{pick.name}: {error}"
+            return
         for name in _nearest(pick, scenes)[:MOST_BINS]:
             try:
                 plan = self._first(scenes[name], _start(behind, scenes[name]))
