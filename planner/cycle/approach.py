@@ -21,9 +21,14 @@ from .inverse_kinematics import joint_rates
 LENGTH = 0.05
 #: Number of steps that integrate the joints along it, and degree of the polynomial through them.
 STEPS, DEGREE = 20, 6
-#: Speeds [m/s] of the hand at the far end, and shares of the joints' limits on acceleration and
-#: jerk, of which the largest is taken that the verdict allows.
-SPEEDS, SHARES = (0.45, 0.25, 0.0), (0.85, 0.6, 0.4, 0.25, 0.15, 0.1, 0.05, 0.02)
+#: Speeds [m/s] of the hand at the far end.
+SPEEDS = (0.45, 0.25, 0.0)
+#: Shares of the joints' limits on acceleration and on jerk, of which the first is taken that the
+#: verdict allows.
+SHARES = (
+    *((0.85, share) for share in (0.85, 0.5, 0.3, 0.2, 0.12)),
+    *((share, share) for share in (0.5, 0.3, 0.2, 0.1, 0.05, 0.02)),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +68,17 @@ class Approach:
         """Derivatives (N, joints) of the joints at ways (N,) [m] from the pick."""
         return np.asarray(polynomial.polyval(ways, polynomial.polyder(self._curve, order)).T)
 
-    def leaving(self, speed: float, share: float) -> Samples | None:
+    def leaving(self, speed: float, shares: tuple[float, float]) -> Samples | None:
         """The motion (N, joints) from rest at the pick to the far end, where the hand has a speed
-        [m/s] and does not accelerate; None where that is too fast."""
+        [m/s] and does not accelerate; None where that is too fast.
+
+        shares: of the joints' limits on acceleration and jerk.
+        """
+        most = self._limits
+        assert most.jerk is not None
+        ddq, jerk = shares[0] * most.ddq, shares[1] * most.jerk
         start, end = (State(*np.array([[x], [v], [0.0]])) for x, v in ((0.0, 0.0), (LENGTH, speed)))
-        found = transfer(self._limits, start, end, 1.0, share)
+        found = transfer(Limits(most.q_min, most.q_max, most.dq, ddq, jerk), start, end)
         if found is None:
             return None
         (way,), (rate,), (change,) = (rows.T for rows in found.samples.rows)
@@ -79,10 +90,10 @@ class Approach:
         return Samples(q, slope * rate, bend * rate**2 + slope * change)
 
     @cached_property
-    def leads(self) -> list[tuple[float, float, Samples]]:
-        """Of `SPEEDS` those that the verdict allows with the object in the hand, each with its share
-        and the motion away from the pick. Raises UnsolvedError without one."""
-        found, trouble = list[tuple[float, float, Samples]](), ""
+    def leads(self) -> list[tuple[float, tuple[float, float], Samples]]:
+        """Of `SPEEDS` those that the verdict allows with the object in the hand, each with its
+        shares and the motion away from the pick. Raises UnsolvedError without one."""
+        found, trouble = list[tuple[float, tuple[float, float], Samples]](), ""
         for speed, share in itertools.product(SPEEDS, SHARES):
             way = None if found and found[-1][0] == speed else self.leaving(speed, share)
             broken = None if way is None else first_finding(self.space, way, held=True)

@@ -95,7 +95,9 @@ class _Entrance:
         for rank, (lead, share, way) in enumerate(self.approach.leads):
             yield from self._from(rank, lead, share, state_at(way, -1))
 
-    def _from(self, rank: int, lead: float, gentle: float, begin: State) -> Iterator[Option]:
+    def _from(
+        self, rank: int, lead: float, gentle: tuple[float, float], begin: State
+    ) -> Iterator[Option]:
         """Motions from a state behind the pick, where the hand has the speed `lead` [m/s]."""
         start, goal = (_of(state, self.aside) for state in (begin, state_at(self._throw, 0)))
         fastest = transfer(self.aside_limits, start, goal)

@@ -21,11 +21,12 @@ AIM, FACTORS = 0.99, (0.5, 0.97)
 @dataclass(frozen=True)
 class Shares:
     """Shares of the limits: on velocity; on acceleration and jerk of the joints that throw, and of
-    the others, which tilt the object out of the pads' plane."""
+    the others, which tilt the object out of the pads' plane; on jerk alone besides."""
 
     velocity: float = 1.0
     throwing: float = 1.0
     aside: float = 1.0
+    jerk: float = 1.0
 
     def limits(self, space: SpatialScene) -> Limits:
         """The limits of all joints, reduced."""
@@ -34,7 +35,8 @@ class Shares:
         scale[np.array(space.kinematics.throwing_joints) - 1] = self.throwing
         assert limits.jerk is not None
         ends = limits.q_min, limits.q_max
-        return Limits(*ends, self.velocity * limits.dq, scale * limits.ddq, scale * limits.jerk)
+        jerk = self.jerk * scale * limits.jerk
+        return Limits(*ends, self.velocity * limits.dq, scale * limits.ddq, jerk)
 
     def smaller(self, finding: Finding, tilts: bool) -> Shares | None:
         """Smaller shares against a broken limit; None if slowing does not help.
@@ -48,8 +50,11 @@ class Shares:
                 return dataclasses.replace(self, velocity=factor * self.velocity)
             case Code.CARRY if tilts:
                 return dataclasses.replace(self, aside=factor * self.aside)
-            case Code.CARRY | Code.TORQUE | Code.TORQUE_RATE:
-                return Shares(self.velocity, factor * self.throwing, factor * self.aside)
+            case Code.TORQUE_RATE:
+                return dataclasses.replace(self, jerk=factor * self.jerk)
+            case Code.CARRY | Code.TORQUE:
+                throwing, aside = factor * self.throwing, factor * self.aside
+                return dataclasses.replace(self, throwing=throwing, aside=aside)
         return None
 
 
@@ -87,7 +92,7 @@ def _quickened(
     space: SpatialScene, start: State, goal: State, held: bool, shares: Shares, found: Samples
 ) -> Samples:
     """The motion with larger shares, where these are allowed and as quick."""
-    for name in ("aside", "throwing", "velocity"):
+    for name in ("jerk", "aside", "throwing", "velocity"):
         low, high = getattr(shares, name), 1.0
         for _ in range(QUICKENINGS if low < 1.0 else 0):
             middle = (low + high) / 2
