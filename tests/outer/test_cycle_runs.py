@@ -252,7 +252,7 @@ def test_what_an_fr3_and_its_hand_cannot_do_is_refused(
 
 def test_a_grip_that_the_hand_does_not_have_is_refused(motion) -> None:
     carry = motion.carries[1]
-    gripper = dataclasses.replace(carry.throw.scene.gripper, force=200.0)
+    gripper = dataclasses.replace(carry.throw.scene.gripper, force=200.0, peak=None)
     scene = carry.throw.scene.changed(gripper=gripper)
     strong = dataclasses.replace(carry, throw=dataclasses.replace(carry.throw, scene=scene))
     check_motion("cycle", motion)

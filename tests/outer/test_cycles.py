@@ -195,7 +195,7 @@ def test_throws_unlike_the_calibrated_ones_are_warned_of(cycled: Path) -> None:
     assert not any("[calibration]" in words for words in cycle.warnings)
     known = dict.fromkeys(("x", "theta", "position", "angle"), 0.0)
     known |= {"x_interval": (0.0, 0.0), "theta_interval": (0.0, 0.0), "throws": 20, "level": 0.9}
-    known |= {"speed": (0.1, 0.2), "rate": (-20.0, 20.0), "mass": 0.24, "com": 0.1, "force": 120.0}
+    known |= {"speed": (0.1, 0.2), "rate": (-20.0, 20.0), "mass": 0.24, "com": 0.1, "force": 70.0}
     known |= {"opening": 0.05, "friction": 1.0, "patch_radius": 0.0025, "model": "ls-step"}
     steps = tuple(
         dataclasses.replace(step, scene=step.scene.replace(calibration=Calibration(**known)))
