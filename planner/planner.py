@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from threading import RLock
-from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unpack
+from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unpack, get_args
 
-from ..problems import Cost, InputError, Pose, Robust, Scene, check_arguments, checked
+from ..problems import Cost, InputError, Pose, Robust, Scene, checked
 from ..problems.scene_files import as_scene
 from .clearance import check_obstacles
 from .follow import Response, Session
@@ -79,7 +79,6 @@ class Planner:
     object at rest in any permitted start pose.
     """
 
-    @check_arguments
     def __init__(self, scene: Scene | str | Path, *, library: bool = True) -> None:
         start = time.perf_counter()
         self._lock = RLock()
@@ -100,7 +99,6 @@ class Planner:
         """A copy is built anew from the scene."""
         return functools.partial(type(self), library=self._context.keep), (self.scene,)
 
-    @check_arguments
     @_alone
     def plan(
         self,
@@ -128,6 +126,8 @@ class Planner:
         """
         started = time.perf_counter()
         target = self.check(target)
+        checked("solver", solver, str, {"choices": get_args(SolverName)})
+        checked("turns", turns, str, {"choices": get_args(Turns)})
         checked("alternatives", alternatives, int, {"least": 0, "most": MOST_ALTERNATIVES})
         checked("patience", patience, float | None, {"above": 0})
         method = self._method(robust)
@@ -180,7 +180,6 @@ class Planner:
         begins = plan.manipulator.under_way is None or not at_rest
         return begins and self.scene.fits(plan.scene)
 
-    @check_arguments
     @_alone
     def follow(
         self,
@@ -201,7 +200,6 @@ class Planner:
             raise InputError("follow: needs a solved plan of this planner's scene")
         return Session(self._in_motion.problems, plan, horizon, sent, response)
 
-    @check_arguments
     @_alone
     def polish(self, plan: Plan) -> Plan:
         """The plan at its optimum: solved again from its own throw.
@@ -223,7 +221,6 @@ class Planner:
         total = time.perf_counter() - started
         return dataclasses.replace(better, time={**clock.seconds, "total": total})
 
-    @check_arguments
     @_alone
     def prepare(
         self,
@@ -266,10 +263,9 @@ class Planner:
         """The scene's solved throws that the cache has."""
         return self._context.library
 
-    @check_arguments
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
-        target = _checked_target(self.scene, target)
+        target = _checked_target(self.scene, checked("target", target, Pose | None, {}))
         if self.scene.obstacle:
             with self._lock:
                 check_obstacles(self.scene.aimed_at(target), self.manipulator)
@@ -332,7 +328,6 @@ class Options(TypedDict, total=False):
     start: State | None
 
 
-@check_arguments
 def plan(scene: Scene | str | Path, target: Pose | None = None, **options: Unpack[Options]) -> Plan:
     """Plan one throw of a scene (or of a built-in name or TOML file).
 

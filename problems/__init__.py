@@ -8,7 +8,7 @@ and write with.
 """
 
 from .calibration import Calibration
-from .checks import InputError, ThrowplanError, check_arguments, checked
+from .checks import InputError, ThrowplanError, checked
 from .grip import Grasp, Gripper, OutlinePart, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque
 from .poses import Pose, Region, ThrowPlane

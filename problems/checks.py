@@ -1,32 +1,26 @@
-"""Wrong input: its errors, and the checks of single values: of files, of Python's arguments."""
+"""Wrong input: its errors, and the checks of single values."""
 
 from __future__ import annotations
 
-import collections.abc
 import contextlib
 import difflib
-import functools
-import inspect
 import math
 import operator
 import re
 import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 #: Types by their names in messages.
 KINDS: dict[Any, str] = {
     **{float: "a number", int: "a whole number", str: "a text", bool: "true or false"},
-    **{collections.abc.Mapping: "a table", collections.abc.Callable: "a function"},
+    dict: "a table",
 }
 #: Origins of annotations with several types.
 UNIONS = (types.UnionType, typing.Union)
-P = ParamSpec("P")
-T = TypeVar("T")
 
 
 class ThrowplanError(Exception):
@@ -133,13 +127,7 @@ def _in_file_unit(value: Any, degrees: bool) -> Any:
 
 def _coerce(value: Any, hint: Any) -> Any:
     """`value` as type `hint`; TypeError for another type, ValueError for another length."""
-    origin, parts = _parts(hint)
-    if hint is npt.ArrayLike or origin is np.ndarray:
-        kind = float if hint is npt.ArrayLike else typing.get_args(parts[1])[0]
-        array = np.asarray(value)
-        if array.dtype.kind == "b":
-            raise TypeError
-        return array.astype(kind, casting="same_kind")
+    origin, parts = typing.get_origin(hint), typing.get_args(hint)
     if origin in UNIONS:
         for option in parts:
             with contextlib.suppress(TypeError, ValueError):
@@ -147,26 +135,19 @@ def _coerce(value: Any, hint: Any) -> Any:
         raise TypeError
     if isinstance(value, np.ndarray) and hasattr(hint, "from_array"):
         return hint.from_array(value)
-    if isinstance(value, np.generic | np.ndarray) and origin is not collections.abc.Sequence:
+    if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
-    if origin in (tuple, list, collections.abc.Sequence):
-        if not isinstance(value, list | tuple | np.ndarray):
+    if origin is tuple:
+        if not isinstance(value, list | tuple):
             raise TypeError
-        if origin is tuple and parts[-1] is not Ellipsis:
+        if parts[-1] is not Ellipsis:
             return tuple(_coerce(v, part) for v, part in zip(value, parts, strict=True))
-        return (tuple if origin is tuple else list)(_coerce(item, parts[0]) for item in value)
+        return tuple(_coerce(item, parts[0]) for item in value)
     if hint in (float, int):
         return _number(value, hint)
-    if not _is_of(value, hint):
+    if not isinstance(value, origin or hint):
         raise TypeError
     return value
-
-
-def _parts(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    """An annotation's origin and arguments; from NumPy 2.5 on those of arrays are aliases."""
-    origin, args = typing.get_origin(hint), typing.get_args(hint)
-    value = getattr(origin, "__value__", None)
-    return (origin, args) if value is None else _parts(value[args])
 
 
 def _number(value: Any, hint: type) -> Any:
@@ -180,28 +161,11 @@ def _number(value: Any, hint: type) -> Any:
     return hint(value)
 
 
-def _is_of(value: Any, hint: Any) -> bool:
-    """Whether a value is of a class, a choice, or what an annotation names."""
-    if isinstance(hint, str):
-        # Not imported, so no value is of it unless its class has the name.
-        return any(kind.__name__ == hint for kind in type(value).__mro__)
-    origin = typing.get_origin(hint)
-    if origin is typing.Literal:
-        return any(value == choice for choice in typing.get_args(hint))
-    return isinstance(value, origin or hint)
-
-
 def _describe(hint: Any) -> str:
     """The name of a type in messages."""
-    origin, args = _parts(hint)
-    if hint is npt.ArrayLike or origin is np.ndarray:
-        return "numbers"
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
     if origin in UNIONS:
         return " or ".join(_describe(h) for h in args if h is not type(None))
-    if origin is typing.Literal:
-        return f"one of {', '.join(map(str, args))}"
-    if origin in (collections.abc.Sequence, list):
-        return f"a list, each {_describe(args[0])}"
     if origin is tuple:
         count = "" if args[-1] is Ellipsis else f" of {len(args)}"
         return f"a list{count}, each {_describe(args[0])}"
@@ -234,44 +198,3 @@ def _check_limits(key: str, item: Any, about: Mapping[str, Any]) -> None:
             limit = math.degrees(limit) if about.get("degrees") else limit
             unit = f" {about['unit']}" if about.get("unit") else ""
             raise InputError(f"{key} = {in_file:g}: must be {words} {limit:g}{unit}")
-
-
-# Arguments of public functions and methods.
-
-
-def check_arguments(function: Callable[P, T]) -> Callable[P, T]:
-    """The function, with an InputError for each argument that its annotation does not allow.
-
-    Numbers become those of the annotation, and what has `from_array` is made of an array. `Any`
-    allows everything. Missing and unknown arguments remain Python's TypeError.
-    """
-    parameters = inspect.signature(function).parameters.values()
-    named = [p.name for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
-    usual = {p.name: p.default for p in parameters if p.default is not p.empty}
-
-    @functools.cache
-    def hints() -> dict[str, Any]:
-        # At the first call, as annotations may name what comes later in a file.
-        texts = {p.name: p.annotation for p in parameters if p.annotation is not p.empty}
-        return {name: _evaluated(text, function) for name, text in texts.items() if name in named}
-
-    def taken(name: str, value: Any) -> Any:
-        hint = hints().get(name, Any)
-        if hint is Any or (name in usual and value is usual[name]):
-            return value
-        return checked(name, value, hint, {})
-
-    @functools.wraps(function)
-    def checking(*args: P.args, **kwargs: P.kwargs) -> T:
-        given = [*map(taken, named, args), *args[len(named) :]]
-        return function(*given, **{name: taken(name, value) for name, value in kwargs.items()})
-
-    return checking
-
-
-def _evaluated(text: str, function: Callable[..., Any]) -> Any:
-    """An annotation's type; the text itself for one that only type checkers import."""
-    try:
-        return eval(text, function.__globals__)
-    except NameError:
-        return text

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..models.robot import Arm
-from .checks import InputError, Mistakes, check_arguments, within
+from .checks import InputError, Mistakes, within
 from .files import shipped, shipped_text, text_of, toml_tables
 from .manipulators import check_angles
 from .scene import Scene
@@ -203,13 +203,11 @@ def jobs_names() -> list[str]:
     return list(shipped("jobs"))
 
 
-@check_arguments
 def jobs_text(name: str) -> str:
     """The TOML text of shipped jobs; InputError for an unknown name."""
     return shipped_text("jobs", name)
 
 
-@check_arguments
 def load_jobs(source: str | Path) -> Jobs:
     """Jobs from a shipped name or a TOML file.
 

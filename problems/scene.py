@@ -18,7 +18,7 @@ from ..models import Body, Contact, FlightLaw
 from ..models.robot import Arm
 from .arms import arm_table, load_arm, load_gripper
 from .calibration import Calibration
-from .checks import InputError, Mistakes, check_arguments, within
+from .checks import InputError, Mistakes, checked, within
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque, check_torque, thrown_by
 from .poses import Pose
@@ -247,16 +247,15 @@ class Scene(Section):
         )
         return [robot and robot.arm, motion and motion.arm, gripper and gripper.file]
 
-    @check_arguments
     def aimed_at(self, target: Pose) -> Scene:
         """The scene with another target; a cup moves in x and z with the target's middle."""
+        target = checked("target", target, Pose, {})
         cup, old = self.cup, self.target
         if cup is not None and old is not None:
             dx, dz = target.plane_x - old.plane_x, target.z - old.z
             cup = cup.changed(x=cup.x + dx, rim=cup.rim + dz)
         return self.changed(target=target, cup=cup)
 
-    @check_arguments
     def fits(self, other: Scene) -> bool:
         """Whether another scene differs at most in its target, in the cup's place, in names and in
         places of files."""

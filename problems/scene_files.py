@@ -10,7 +10,7 @@ from typing import Any
 from ..models.release import TableGrip
 from ..models.robot import Arm
 from .arms import GripperData, arm_from, load_arm, load_gripper
-from .checks import InputError, Mistakes, check_arguments, checked, within
+from .checks import InputError, Mistakes, checked, within
 from .files import read_csv, shipped, shipped_text, text_of, toml_tables
 from .grip import Gripper, held_object
 from .meshes import covered_mesh
@@ -26,7 +26,6 @@ def scene_names() -> list[str]:
     return list(shipped("scenes"))
 
 
-@check_arguments
 def scene_text(name: str) -> str:
     """The TOML text of a built-in scene; InputError for an unknown name."""
     return shipped_text("scenes", name)
@@ -37,7 +36,6 @@ def as_scene(scene: Scene | str | Path) -> Scene:
     return scene if isinstance(scene, Scene) else load_scene(scene)
 
 
-@check_arguments
 def load_scene(source: str | Path) -> Scene:
     """A scene from a built-in name or a TOML file.
 

@@ -18,7 +18,7 @@ from ..models import SHAPES, Array, Contact, Indices, ReadOnly
 from ..models.release import TableGrip
 from ..models.robot import Arm
 from .arms import load_arm, load_gripper
-from .checks import InputError, check_arguments, within
+from .checks import InputError, within
 from .files import csv_lines, read_csv, read_text, table_number, toml_tables
 from .grip import COEFFICIENT_WORDS, SHAPE_WORDS, Grasp, ThrownObject, held_object, surface_shape
 from .section import Section, from_table, optional, quantity, unknown
@@ -120,11 +120,15 @@ class ThrowData:
     arm: Arm | None = dataclasses.field(default=None, repr=False)
     truth: dict[str, float] = dataclasses.field(default_factory=dict)
 
-    @check_arguments
     def picked(self, numbers: Indices | list[int]) -> ThrowData:
         """The data set of some throws, by numbers from 0; InputError for others, and for none."""
         count = len(self.throws)
-        if not len(numbers) or not all(0 <= i < count for i in numbers):
+        # A boolean mask is no list of numbers.
+        if (
+            not len(numbers)
+            or np.asarray(numbers).dtype.kind not in "iu"
+            or not all(0 <= i < count for i in numbers)
+        ):
             raise InputError(f"numbers: must be at least one, each from 0 to below {count}")
         return dataclasses.replace(self, throws=tuple(self.throws[i] for i in numbers))
 
@@ -149,7 +153,6 @@ class ThrowData:
 # Reading.
 
 
-@check_arguments
 def load_throws(folder: str | Path) -> ThrowData:
     """The data set in `folder`.
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
-from ...problems import Obstacle, Scene, check_arguments
+from ...problems import Obstacle, Scene
 from ...problems.files import plain
 from ..clearance import SpatialScene
 from ..throw import NO_SAMPLES, TICK, Manipulator, Samples, State, Throw, braked, make_manipulator
@@ -164,7 +164,6 @@ class Cycle(ReadOnly):
                 found.setdefault(finding.words, []).append(step.pick)
         return tuple(f"{', '.join(names)}: {words}" for words, names in found.items())
 
-    @check_arguments
     def waiting(self, number: int) -> tuple[Obstacle, ...]:
         """The objects of a step and of all later ones at their picks, as obstacles."""
         found = (
@@ -203,7 +202,6 @@ class Cycle(ReadOnly):
         found = motion_verdict(step.space, self.samples, held=False)
         yield from (f for f in found.findings if f.code.value.startswith("joint_"))
 
-    @check_arguments
     def arm_at(self, times: Array) -> tuple[Array, Array]:
         """Frames (N, joints, 4, 4) after each joint, and poses (N, 4, 4) of the hand.
 

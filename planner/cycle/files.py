@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import InputError, check_arguments
+from ...problems import InputError
 from ...problems.files import filling, read_csv, read_json, write_json
 from ...problems.scene_files import scene_from_table
 from ..result import complete, read_samples, write_table
@@ -26,7 +26,6 @@ CYCLE_FILES = ("motion.csv", "cycle.png", "cycle.json")
 MOMENTS = ("reach", "held", "join", "free")
 
 
-@check_arguments
 def save_cycle(cycle: Cycle, folder: str | Path) -> None:
     """Write cycle.json and, if it is solved, motion.csv and cycle.png.
 
@@ -64,7 +63,6 @@ def is_cycle(path: str | Path) -> bool:
     return (path / "cycle.json").is_file() and not (path / "plan.json").exists()
 
 
-@check_arguments
 def read_cycle(path: str | Path) -> Cycle:
     """The cycle of a cycle.json (or its folder) and its motion.csv, judged again when asked.
 

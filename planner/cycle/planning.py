@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ...models import Array
-from ...problems import InputError, Pose, Scene, check_arguments
+from ...problems import InputError, Pose, Scene, checked
 from ...problems.job_files import Jobs, Pick
 from ..clearance import SpatialScene
 from ..planner import Planner
@@ -34,7 +34,6 @@ CYCLE_TIME = 2.0
 ALIKE = 1e-9
 
 
-@check_arguments
 def plan_cycle(
     jobs: Jobs, *, patience: float = PATIENCE, progress: Callable[[str], object] | None = None
 ) -> Cycle:
@@ -44,8 +43,7 @@ def plan_cycle(
     planned. progress: called with what is done next. InputError for an option out of range.
     """
     started = time.perf_counter()
-    if not patience > 0:
-        raise InputError(f"patience = {patience:g}: must be above 0")
+    checked("patience", patience, float, {"above": 0})
     say = progress or (lambda words: None)
     jobs = with_joints(jobs)
     objects = WaitingObjects(jobs) if len(jobs.picks) > 1 else None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models import Array, ReadOnly
-from ...problems import InputError, check_arguments
+from ...problems import InputError
 from ..throw import TICK
 
 #: Smallest and largest rate [1/s] of a joint's lag.
@@ -37,12 +37,12 @@ class Response(ReadOnly):
             raise InputError("rate: must be above 0")
 
     @classmethod
-    @check_arguments
     def fitted(cls, sent: Array, q: Array) -> Response:
         """Least-squares fit to joints (N, n) [rad] sent and measured at 1 kHz from rest on.
 
         InputError if they are not finite numbers of equal shape.
         """
+        sent, q = np.asarray(sent, float), np.asarray(q, float)
         right = sent.shape == q.shape and sent.ndim == 2 and len(sent) > 1 and sent.shape[1] > 0
         if not right or not np.isfinite([sent, q]).all():
             raise InputError("sent, q: must be finite numbers, a row per ms and a column per joint")
@@ -61,16 +61,16 @@ class Response(ReadOnly):
             found.append((rate, share))
         return cls(*np.array(found).T)
 
-    @check_arguments
     def of(self, joint: int, sent: Array) -> Array:
         """The response of joint `joint`, from 0 on, to `sent` (N, ...), which begins at rest."""
+        sent = np.asarray(sent, float)
         if not 0 <= joint < len(self.rate) or not len(sent):
             raise InputError(f"joint, sent: must be below {len(self.rate)}, with at least one row")
         return _lagging(self.rate[joint], self.share[joint], sent)
 
-    @check_arguments
     def all(self, sent: Array) -> Array:
         """The response of all joints to `sent` (..., N, n); of rates and accelerations alike."""
+        sent = np.asarray(sent, float)
         if sent.ndim < 2 or not sent.shape[-2] or sent.shape[-1] != len(self.rate):
             raise InputError(f"sent: must have rows of {len(self.rate)} joints")
         return np.moveaxis(_lagging(self.rate, self.share, np.moveaxis(sent, -2, 0)), 0, -2)

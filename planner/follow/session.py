@@ -20,7 +20,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly, Trajectory
 from ...models.robot import PlanarArm
-from ...problems import InputError, Pose, check_arguments, checked
+from ...problems import InputError, Pose, checked
 from ..result import Plan, joint_samples
 from ..search import NlpCache, error_over
 from ..throw import TICK, Samples, Throw, braked
@@ -150,7 +150,6 @@ class Session:
         vars(self).update(state, _lock=Lock())
         self._build()
 
-    @check_arguments
     def update(self, t: float, q: Array, dq: Array, target: Pose | None = None) -> Update:
         """What to send from `t` + horizon on, by what was measured at time `t` [s] of the swing.
 
@@ -205,6 +204,7 @@ class Session:
                 )
             found.append(numbers)
         self._check_near(t, *found)
+        target = checked("target", target, Pose | None, {})
         if target is None:
             # Its pose is at time zero.
             return found[0], self._target.at(t)

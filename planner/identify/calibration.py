@@ -11,7 +11,7 @@ import numpy as np
 
 from ...models import Array, Flags
 from ...models.release import MODELS
-from ...problems import Calibration, InputError, Scene, check_arguments, checked
+from ...problems import Calibration, InputError, Scene, checked
 from ...problems.files import filling, write_json
 from ...problems.scene_files import as_scene
 from ...problems.throws import ThrowData, load_throws
@@ -51,7 +51,6 @@ class Calibrated:
     section: Calibration
     scene: Scene
 
-    @check_arguments
     def apply(self, scene: Scene | str | Path) -> Scene:
         """A scene with this [calibration], and the contact fitted to the throws if it was."""
         scene, fit = as_scene(scene), self.residuals.fit
@@ -123,7 +122,6 @@ class Calibrated:
         before = "" if fit is None else contact_text(fit, known.contact, known.uncertainty) + "\n"
         return f"{before}# From {self.source}.\n{self.section.text}\n"
 
-    @check_arguments
     def save(self, folder: str | Path) -> None:
         """Write calibrate.json, calibration.toml and the picture."""
         with filling(Path(folder), FILES) as scratch:
@@ -132,7 +130,6 @@ class Calibrated:
             write_json(scratch / "calibrate.json", self.to_dict())
 
 
-@check_arguments
 def calibrate(
     data: ThrowData | str | Path,
     scene: Scene | str | Path,

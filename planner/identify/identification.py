@@ -12,7 +12,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ...models.release import MODELS, STEPPED_SURFACE
-from ...problems import InputError, Scene, check_arguments
+from ...problems import InputError, Scene
 from ...problems.files import filling, write_json
 from ...problems.scene_files import as_scene, load_scene
 from ...problems.throws import ThrowData
@@ -74,7 +74,6 @@ class Identified(ReadOnly):
         """Number of throws without a predicted landing."""
         return int((~np.isfinite(self.off).all(axis=1)).sum())
 
-    @check_arguments
     def apply(self, scene: Scene | str | Path) -> Scene:
         """The scene with the posterior as its contact and uncertainty."""
         return applied(self.posterior, as_scene(scene))
@@ -141,13 +140,11 @@ class Identified(ReadOnly):
             )
         return "\n".join(lines)
 
-    @check_arguments
     def save(self, folder: str | Path) -> None:
         """Write identify.json, the picture and contact.toml."""
         save_identified([self], None, Path(folder))
 
 
-@check_arguments
 def identify(
     data: ThrowData,
     model: str = "",

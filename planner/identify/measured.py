@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models import Array
 from ...models.release import TableGrip
-from ...problems import InputError, Scene, check_arguments, checked
+from ...problems import InputError, Scene, checked
 from ...problems.throws import MeasuredThrow, Shared, ThrowData
 from ..result import Plan, sent_throw
 from ..throw import TICK
@@ -92,7 +92,6 @@ def conditions(data: ThrowData) -> list[tuple[str, ...]]:
     return [tuple(throw.factors[name] for name in columns) for throw in data.throws]
 
 
-@check_arguments
 def throw_data(
     plans: Sequence[Plan],
     landings: Sequence[tuple[float, float] | None] | None = None,

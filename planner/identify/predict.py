@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ...models import Array, Body, FlightLaw, HandTrack, Indices, Trajectory
 from ...models.release import MODELS, ReleaseBatch
-from ...problems import InputError, PadContact, check_arguments, checked
+from ...problems import InputError, PadContact, checked
 from ...problems.throws import MeasuredThrow, ThrowData
 from ..simulation import named_model, recorded_joints
 from ..throw import TICK
@@ -168,7 +168,6 @@ def _body(throw: MeasuredThrow) -> tuple[float, float, float]:
     return throw.object.mass, throw.object.inertia, throw.object.com - throw.grasp.offset
 
 
-@check_arguments
 def thrown(data: ThrowData, model: str, contact: Mapping[str, float]) -> Array:
     """Landings (T, 2), x [m] and theta [rad], of the throws with this contact, for synthetic data.
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ...models import Array, Flags
-from ...problems import Scene, check_arguments, checked
+from ...problems import Scene, checked
 from ...problems.scene_files import as_scene
 from ..clearance import held_bar, lowest_of_bar, palm_corners
 from ..library import Library
@@ -45,7 +45,6 @@ SAMPLES = 200_000
 FARTHEST = 100.0
 
 
-@check_arguments
 def reach_map(
     scene: Scene | str | Path,
     z: float | None = None,

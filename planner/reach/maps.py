@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Array, ReadOnly
-from ...problems import InputError, Scene, check_arguments
+from ...problems import InputError, Scene, checked
 from ...problems.files import filling
 from ..show import BLACK, BLUE, RED, TEAL, new_figure, own_style, save
 
@@ -85,16 +85,14 @@ class ReachMap(ReadOnly):
         angle = None if theta is None else float(theta[1] - theta[0])
         return float(self.x_edges[1] - self.x_edges[0]), angle
 
-    @check_arguments
     def bin_of(self, x: float, theta: float | None = None) -> tuple[int, int] | None:
         """Indices of the bin at `x` [m], `theta` [rad]; None outside all bins."""
-        i = place(self.x_edges, x)
-        j = 0
+        _check_landing(x, theta)
+        i, j = place(self.x_edges, x), 0
         if self.theta_edges is not None and theta is not None:
             j = place(self.theta_edges, theta)
         return None if i < 0 or j < 0 else (i, j)
 
-    @check_arguments
     def contains(self, x: float, theta: float | None = None) -> bool:
         """Whether a throw landed in the bin of `x` [m], `theta` [rad]; None: at any theta."""
         found = self.bin_of(x, theta)
@@ -104,12 +102,12 @@ class ReachMap(ReadOnly):
             return bool(self.landings[found[0]].any())
         return bool(self.landings[found] > 0)
 
-    @check_arguments
     def distance(self, x: float, theta: float | None = None) -> float:
         """Scaled distance [m] to the nearest landing: |dx| + |dtheta| length / 2 (39).
 
         Infinite without a landing. Theta does not count where it is open or None.
         """
+        _check_landing(x, theta)
         if not self.reachable:
             return math.inf
         turn: Array | float = 0.0
@@ -117,7 +115,6 @@ class ReachMap(ReadOnly):
             turn = self.theta - theta
         return float(self.scene.object.pose_error(self.x - x, turn).min())
 
-    @check_arguments
     def to_dict(self, file: Path | None = None) -> dict[str, Any]:
         """The JSON object of `throwplan map`; a message is in it only if nothing is in reach."""
         nothing = not self.reachable
@@ -182,7 +179,6 @@ class ReachMap(ReadOnly):
         free = f"the best keeps {margin:.0f} % of every limit free"
         return f"{words}: in reach, {different} near it, {free}"
 
-    @check_arguments
     def save(self, folder: str | Path) -> Path:
         """Write map.png and map.npz, all or nothing; returns the path of map.npz.
 
@@ -198,6 +194,12 @@ class ReachMap(ReadOnly):
             edges = np.empty(0) if self.theta_edges is None else self.theta_edges
             np.savez_compressed(scratch / "map.npz", theta_edges=edges, **arrays)
         return Path(folder) / "map.npz"
+
+
+def _check_landing(x: float, theta: float | None) -> None:
+    """InputError for what is no finite number."""
+    checked("x", x, float, {})
+    checked("theta", theta, float | None, {})
 
 
 def places(edges: Array, values: Array) -> Counts:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly, Trajectory
 from ...models.robot import PlanarArm
-from ...problems import InputError, Scene, check_arguments
+from ...problems import InputError, Scene
 from ...problems.files import plain, read_csv, read_json
 from ...problems.scene_files import scene_from_table
 from ..show import over_time
@@ -98,7 +98,6 @@ def path_of(throw: Throw) -> PlanPath:
     return PlanPath(line.times, line.com.T, line.hand.T, joints)
 
 
-@check_arguments
 def read_plan(path: str | Path) -> SavedThrow:
     """The throw of a plan.json (or its folder) and its motion.csv, simulated again.
 

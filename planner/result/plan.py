@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ...problems import InputError, Pose, Scene, check_arguments
+from ...problems import InputError, Pose, Scene
 from ...problems.files import filling, plain, write_json
 from .. import show
 from ..ocp import load_curve
@@ -204,13 +204,14 @@ class Plan:
             ]
         return more
 
-    @check_arguments
     def save(self, folder: str | Path, draw: Draw = True) -> Plan:
         """Write plan.json and, for a throw, motion.csv and (draw) throw.png, throw.gif.
 
         draw: "png" draws throw.png alone, False neither. Returns the plan with the time of
         drawing. Raises InputError, and leaves the folder as it was, if it cannot be written.
         """
+        if draw not in (True, False, "png"):
+            raise InputError(f"draw = {draw!r}: must be True, False or 'png'")
         plan = self
         with filling(Path(folder), FILES) as scratch:
             if self.solved:
@@ -230,7 +231,6 @@ class Plan:
             write_json(scratch / "plan.json", entries_of(plan.to_dict(), thrown, aimed))
         return plan
 
-    @check_arguments
     def draw(self, file: str | Path | None = None) -> Figure:
         """The picture of the throw, a Matplotlib figure, also written to `file` (.png) if given;
         InputError for a plan without a throw, and for a file that cannot be written."""
@@ -402,7 +402,6 @@ def plan_of(plan: Plan | SavedThrow | str | Path) -> Plan:
     return Plan(*known, "solved", saved.message, throw, robust=saved.robust)
 
 
-@check_arguments
 def draw_flight(axes: Axes, plan: Plan | Throw | str | Path, **look: Any) -> None:
     """The path of the object's CoM from the opening to its end, in axes of your own.
 

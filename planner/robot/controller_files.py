@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...models.robot import Arm
-from ...problems import InputError, check_arguments, checked
+from ...problems import InputError, checked
 from ...problems.files import filling, write_json
 from ..cycle import Cycle
 from ..result import Plan, write_table
@@ -39,7 +39,6 @@ BAG_FILES = ("metadata.yaml", "throw.mcap")
 ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
 
 
-@check_arguments
 def export(
     plan: Plan | Throw | Cycle | str | Path,
     *,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, ReadOnly
-from ...problems import check_arguments, checked
+from ...problems import checked
 from ...problems.files import filling, write_json
 from ..cycle import Cycle, CycleStep
 from ..rest import CUP_WALL, is_still, plane_poses
@@ -126,7 +126,6 @@ class CycleReplay(ReadOnly):
             np.savetxt(path, np.vstack(rows), delimiter=",", header=names, comments="", fmt="%.9g")
 
 
-@check_arguments
 def replay_cycle(
     cycle: Cycle | str | Path, step: float = 1e-4, restitution: float = 0.1
 ) -> CycleReplay:

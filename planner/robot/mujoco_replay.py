@@ -17,7 +17,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ...models import Array, ReadOnly
-from ...problems import InputError, Rest, check_arguments, checked
+from ...problems import InputError, Rest, checked
 from ...problems.files import filling, plain, write_json
 from ..rest import load_mujoco
 from ..result import Plan, throw_of
@@ -123,12 +123,12 @@ class Replay(ReadOnly):
             f"{self.restitution:g} of its speed"
         )
 
-    @check_arguments
     def off(self, other: Other) -> tuple[float, float]:
         """MuJoCo's landing less another: (dx [m], dtheta [rad]).
 
         other: "target", "sp" or "limit_surface"; dtheta is NaN for a target that leaves it open.
         """
+        checked("other", other, str, {"choices": get_args(Other)})
         target = self.throw.target.nearest(self.landing[0], self.landing[2])
         theta = math.nan if target.theta is None else target.theta
         x, _, angle = {
@@ -197,7 +197,6 @@ class Replay(ReadOnly):
             lines.append(f"  assumed: {self.assumed}")
         return "\n".join([*lines, f"  {self.simulated:.2f} s simulated in {self.run:.1f} s"])
 
-    @check_arguments
     def save(self, folder: str | Path, draw: bool = True) -> None:
         """Write replay.json, replay.csv and (draw) replay.png; InputError if that fails."""
         with filling(Path(folder), FILES) as scratch:
@@ -225,7 +224,6 @@ class Replay(ReadOnly):
         return dict(zip("xyz", place, strict=True)) | {"theta": theta}
 
 
-@check_arguments
 def replay(
     throw: Plan | Throw | str | Path,
     step: float = 1e-5,
@@ -353,7 +351,6 @@ def throw_to_rest(plan: Plan | Throw | str | Path) -> tuple[SpaceThrow, str]:
     return space_throw(dataclasses.replace(throw, scene=scene.changed(rest=rest))), why
 
 
-@check_arguments
 def view(
     plan: Plan | Throw | str | Path,
     port: int = 8080,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...models import Array
-from ...problems import Cup, InputError, ThrownObject, check_arguments
+from ...problems import Cup, InputError, ThrownObject
 from .timeline import timeline
 
 if TYPE_CHECKING:
@@ -62,12 +62,12 @@ def _loops(capsules: bytes, com: float) -> tuple[Array, ...]:
     return tuple(np.asarray(line) - [com, 0.0] for line in lines)
 
 
-@check_arguments
 def draw_bars(axes: Axes, bar: ThrownObject, poses: Array, **look: Any) -> None:
     """Fill the object's outline at poses (N, 3) or (3,) of its CoM: x, z [m], theta [rad].
 
     bar: the scene's object; look: Matplotlib's settings of a patch. InputError for other shapes.
     """
+    poses = np.asarray(poses, float)
     if poses.ndim not in (1, 2) or poses.shape[-1] != 3 or not np.isfinite(poses).all():
         raise InputError("poses: must be rows of x, z, theta, finite numbers")
     from matplotlib.patches import PathPatch
@@ -84,7 +84,6 @@ def cup_profile(cup: Cup) -> Array:
     return np.column_stack([sides, [cup.rim, bottom, bottom, cup.rim]])
 
 
-@check_arguments
 def draw_cup(axes: Axes, cup: Cup, **look: Any) -> None:
     """A cup's walls and bottom in the throw's plane; look: Matplotlib's settings of a line."""
     usual: dict[str, Any] = {"color": "#5b4a3f", "lw": 3, "solid_capstyle": "butt", "zorder": 2}

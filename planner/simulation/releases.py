@@ -36,7 +36,7 @@ from ...models.release import (
     ReleaseModel,
 )
 from ...models.robot import Arm, PlanarArm, hand_motion
-from ...problems import InputError, Motion, Scene, check_arguments
+from ...problems import InputError, Motion, Scene, checked
 from ...problems.files import plain
 from ...problems.scene_files import as_scene
 from ..throw import LandingPoint, case_of
@@ -167,7 +167,6 @@ class Simulation:
         }
 
 
-@check_arguments
 def simulate(scene: Scene | str | pathlib.Path, model: str = "all") -> dict[str, Simulation]:
     """The [motion] of a scene, built-in name or TOML file through a release model.
 
@@ -208,7 +207,6 @@ class BatchResult(ReadOnly):
     trouble: npt.NDArray[np.object_]
 
 
-@check_arguments
 def simulate_batch(
     scene: Scene | str | pathlib.Path,
     model: str = SLIDING_PIVOT,
@@ -234,8 +232,7 @@ def simulate_batch(
     """
     scene = as_scene(scene)
     chosen = named_model(model, BATCH_MODELS).with_pressure(scene.contact.points)
-    if steps is not None and not 1 <= steps <= MOST_STEPS:
-        raise InputError(f"steps = {steps!r}: must be a whole number, 1 to {MOST_STEPS}")
+    checked("steps", steps, int | None, {"least": 1, "most": MOST_STEPS})
     given = {"object": object or {}, "contact": contact or {}, "gripper": gripper or {}}
     batch = _batch(scene, hand or {}, **given)
     run = partial(chosen.throw, steps=steps or 0)

@@ -11,7 +11,6 @@ import numpy as np
 
 from ...models import Array, Flags, Indices, ReadOnly
 from ...models.release import MODELS
-from ...problems import check_arguments
 from ...problems.files import filling, plain, write_json
 from ..result import PLAIN, Plan
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, own_style, save
@@ -140,7 +139,6 @@ class Sweep(ReadOnly):
         """The sweep as text."""
         return sweep_summary(self.plan, self.label, self.to_dict())
 
-    @check_arguments
     def save(self, folder: str | Path) -> None:
         """Write sweep.json, sweep.csv and pictures; InputError if that cannot be done."""
         with filling(Path(folder), SWEEP_FILES) as scratch:

@@ -14,7 +14,7 @@ import numpy as np
 from ...interrupts import INTERRUPTS
 from ...models import Array, Indices
 from ...models.release import BATCH_MODELS, MODELS
-from ...problems import InputError, check_arguments, checked
+from ...problems import InputError, checked
 from ..result import Plan, SavedThrow, plan_of
 from ..simulation import named_model
 from ..throw import ThrowBatch
@@ -34,7 +34,6 @@ SEED = 0
 RESTED = 256
 
 
-@check_arguments
 def sweep(
     plan: Plan | SavedThrow | str | Path,
     samples: int = SAMPLES,

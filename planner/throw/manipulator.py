@@ -21,7 +21,7 @@ from ...models.robot import (
     about_z,
     hand_motion,
 )
-from ...problems import Hand, InputError, Scene, check_arguments
+from ...problems import Hand, InputError, Scene
 
 #: Least cosine between the pads' closing and the normal of the throwing plane: 0.08 deg.
 SQUARE = 1 - 1e-6
@@ -100,7 +100,6 @@ class State(ReadOnly):
     dq: Array
     ddq: Array
 
-    @check_arguments
     def checked(self, manipulator: Manipulator) -> State:
         """The state as arrays; InputError if it does not fit the manipulator or its limits."""
         limits, found = manipulator.hard, list[Array]()

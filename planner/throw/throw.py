@@ -25,7 +25,7 @@ from ...models.release import (
     exact_surface_release,
     shape_for_core,
 )
-from ...problems import InputError, Obstacle, Pose, Scene, check_arguments
+from ...problems import InputError, Obstacle, Pose, Scene, checked
 from .loads import Torques, core_torques, load_steps, torques_of
 from .manipulator import EXACT_HAND, HandError, Manipulator
 from .sending import NO_SAMPLES, TICK, Samples
@@ -92,7 +92,6 @@ class Throw:
             vars(self)["release"] = known_release
 
     @classmethod
-    @check_arguments
     def sent(
         cls,
         scene: Scene,
@@ -133,7 +132,6 @@ class Throw:
         twist[:2] += np.array([[error.v_x], [error.v_z]])
         return replace(released, com=com, com_twist=twist)
 
-    @check_arguments
     def released(self, release: Release) -> Throw:
         """The throw with a known exact release of `case`."""
         return replace(self, known_release=self._in_place(release))
@@ -198,12 +196,10 @@ class Throw:
         release = self.release
         return load_steps(self.scene, self.manipulator, self.path, self.opening_time, release)
 
-    @check_arguments
     def miss(self, target: Pose | None = None) -> tuple[float, float]:
         """Landing error (Δx [m], Δtheta [rad]), see `Pose.miss`."""
         return (target or self.target).miss(self.landing.x, self.landing.theta)
 
-    @check_arguments
     def with_model(self, model: str) -> Throw:
         """The throw by another of the models sp and ls-step; InputError for a further one."""
         if model not in EXACT:
@@ -226,20 +222,18 @@ class Throw:
         """The throw by the time-stepping limit surface."""
         return self.with_model(STEPPED_SURFACE)
 
-    @check_arguments
     def in_scene(self, scene: Scene) -> Throw:
         """The motion in another scene."""
         return replace(self, scene=scene)
 
-    @check_arguments
     def among(self, obstacles: tuple[Obstacle, ...]) -> Throw:
         """The throw with these obstacles around in place of its scene's; its release stays."""
         scene = self.scene.changed(obstacle=obstacles)
         return replace(self, scene=scene, known_release=self.release)
 
-    @check_arguments
     def delayed(self, delay: float) -> Throw:
         """The throw opened later by `delay` [s], at time 0 at the earliest."""
+        checked("delay", delay, float, {})
         return replace(self, opening_time=max(self.opening_time + delay, 0.0))
 
     @property
@@ -248,10 +242,9 @@ class Throw:
         hand = self.manipulator.hand(self.path.shifted(self.opening_time), self.error.omega)
         return case_of(self.scene, hand, self.error.theta)
 
-    @check_arguments
     def hand(self, times: npt.ArrayLike) -> HandSamples:
         """The hand at `times` (K,) [s] on the motion's clock."""
-        return self.manipulator.hand(self.path).at(times)
+        return self.manipulator.hand(self.path).at(np.asarray(times, float))
 
     @property
     def until(self) -> float:
@@ -276,10 +269,9 @@ class Throw:
         between = [step] if before < -1e-12 else []
         return Trajectory.joined([planned, *between, samples.path.beginning(first)])
 
-    @check_arguments
     def flight(self, times: Array) -> Array:
         """CoM poses (3, N) at `times` (N,) [s] after detach."""
-        return self.scene.flight.after(self.landing.start, times).pose
+        return self.scene.flight.after(self.landing.start, np.asarray(times, float)).pose
 
     @property
     def lands(self) -> bool:

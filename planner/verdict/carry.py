@@ -8,7 +8,7 @@ import numpy as np
 
 from ...models import Array, PinchUse, pinch_use
 from ...models.robot import PadMotion
-from ...problems import InputError, check_arguments
+from ...problems import InputError
 from ..clearance import SpatialScene
 from ..throw import Samples
 from .findings import Code, Finding
@@ -21,7 +21,6 @@ _PARTS = {
 }
 
 
-@check_arguments
 def grip_use(space: SpatialScene, samples: Samples) -> PinchUse:
     """Share (N,) of the full grip that a motion of all joints (N, joints) needs to hold the object.
 
