@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -119,26 +118,3 @@ def swinging(name: str, every: bool = False) -> ArmMotion:
         dq[:, j] = wide * rate * np.cos(rate * times + k)
         ddq[:, j] = -wide * rate**2 * np.sin(rate * times + k)
     return ArmMotion(arm, throwing, Samples(times, q, dq, ddq))
-
-
-def profile_bin(**sections: Any) -> tp.Scene:
-    """A Panda throws a profile over a low wall into a waste bin: any landing in a region."""
-    angles = math.radians(-130), math.radians(-50)
-    wall = tp.Obstacle(name="wall", kind="box", size=(0.06, 1.2, 0.5), position=(0.95, 0.0, -0.25))
-    pedestal = tp.Obstacle(
-        name="pedestal", kind="box", size=(0.3, 0.3, 0.48), position=(0.0, 0.0, -0.25)
-    )
-    scene = tp.load_scene("cup").replace(
-        robot=tp.Robot(arm="panda"),
-        object=tp.Object(mass=0.11, length=0.22, width=0.02, com=0.11),
-        grasp=tp.Grasp(offset=0.025),
-        contact=tp.Contact(friction=0.6, patch_radius=0.006),
-        gripper=tp.Gripper(force=60.0, dwell=0.03, opening=0.04),
-        target=tp.Region(x=(1.18, 1.32), z=-0.15, theta=angles),
-        cup=tp.Cup(x=1.25, rim=-0.15, radius=0.13, depth=0.34, clearance=0.01, insertion=0.1),
-        workspace=tp.Workspace(
-            floor=-0.48, column_radius=0.15, column_height=0.45, palm_clearance=0.005
-        ),
-        obstacle=(wall, pedestal),
-    )
-    return scene.replace(**sections)

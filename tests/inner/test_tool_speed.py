@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import nlp_of, varied
+from builders import varied
 from throwplan.models.robot import SpatialArm
 from throwplan.planner.samples import ReleaseSampler
 from throwplan.planner.throw import make_manipulator
@@ -37,15 +37,6 @@ def fastest(plan: tp.Plan) -> float:
 def free_plan() -> tp.Plan:
     """`pose` of an arm without the limit."""
     return tp.plan(varied(tp.load_scene("pose"), FREE))
-
-
-def test_an_arm_without_the_limit_has_nothing_of_it(free_plan) -> None:
-    with_limit, without = nlp_of(tp.load_scene("pose")), nlp_of(free_plan.scene)
-    added = set(with_limit.parameters.blocks) - set(without.parameters.blocks)
-    assert added == {"tool_speed", "tool_length"}
-    assert with_limit.size[0] == without.size[0]
-    rows = [name for name in with_limit.row_names if name != "tool speed"]
-    assert rows == list(without.row_names)
 
 
 def test_a_slower_tool_changes_the_throw(free_plan) -> None:

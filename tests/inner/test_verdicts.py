@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.throw import ThrowBatch
-from throwplan.planner.uncertainty import sampler_of, warnings
-from throwplan.planner.verdict import Code, Finding, Judge, Verdict, verdict
+from throwplan.planner.uncertainty import sampler_of
+from throwplan.planner.verdict import Code, Finding, Judge, Verdict
 from throwplan.problems import Distribution, Obstacle, Uncertainty
 
 from oracle import read_oracle
@@ -177,22 +177,7 @@ def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> No
     assert f"{100 * (1 - use):.0f} % are left" in plan.summary()
 
 
-def test_what_exceeds_no_reserve_is_not_warned_of(cup_plan) -> None:
-    scene = cup_plan.scene.replace(uncertainty=Uncertainty(mass=spread(1e-4)))
-    assert not warnings(cup_plan.throw.deciding.in_scene(scene), cup_plan.goal)
-
-
 # Findings and verdicts.
-
-
-def test_every_code_has_words_a_cure_and_a_fate() -> None:
-    for code in Code:
-        words = Finding(code, 1.0, 2.0, 0.1, "joint 2", "link 4", note="so").words
-        assert words and "\n" not in words
-        assert code.cure and code.fate
-    noted = {code for code in Code if not Finding(code, 1.0, 2.0, 0.1, "joint 2", "link 4").words}
-    known = Code.RELEASE, Code.MODELS_DIFFER, Code.REST, Code.CALIBRATION, Code.UNCERTAIN
-    assert noted == set(known)
 
 
 def test_a_warning_breaks_nothing_and_a_cup_excuses_the_landing() -> None:
@@ -204,32 +189,6 @@ def test_a_warning_breaks_nothing_and_a_cup_excuses_the_landing() -> None:
     assert not Verdict((landing,), cup=True).ok
     assert not Verdict((landing, slip), cup=True).succeeds
     assert Verdict((landing, slip)).words == f"{landing.words}; {slip.words}"
-
-
-def test_findings_say_value_limit_time_and_body(cup_plan) -> None:
-    throw, scene = cup_plan.throw.deciding, cup_plan.scene
-    weaker = scene.replace(gripper=replace(scene.gripper, force=30.0))
-    (slip,) = (f for f in verdict(throw.in_scene(weaker)).broken if "slip" in f.code.value)
-    assert slip.value == pytest.approx(7 / 3 * throw.measured.grip.value, rel=1e-9)
-    assert slip.limit == 1.0 and slip.time == pytest.approx(throw.measured.grip.time)
-    high = scene.replace(workspace=replace(scene.workspace, floor=0.6))
-    floor = [f for f in verdict(throw.in_scene(high)).broken if f.code is Code.FLOOR]
-    assert {f.body for f in floor} == {"arm", "bar"}
-    for finding in floor:
-        assert finding.limit == 0.6 and finding.value < 0.6 and 0.0 <= finding.time < 3.0
-
-
-def test_an_exceeded_reserve_names_a_robust_plan_first(plan_of) -> None:
-    plan = plan_of("fr3")
-    unsure = tp.Uncertainty(friction=tp.Distribution(uniform=0.9, relative=True))
-    plan = replace(plan, scene=plan.scene.changed(uncertainty=unsure))
-    throw = plan.throw.deciding
-    plan = replace(plan, throw=replace(plan.throw, deciding=throw.in_scene(plan.scene)))
-    (found,) = (f for f in plan.verdict.warnings if f.body == "slip_before_opening")
-    assert found.note.endswith(f": plan with --robust auto, {Code.SLIP_BEFORE_OPENING.cure}")
-    (robust,) = (f for f in replace(plan, robust="quiet").verdict.warnings if f.body == found.body)
-    assert robust.note.endswith(f": {Code.SLIP_BEFORE_OPENING.cure}")
-    assert robust.note != found.note
 
 
 def test_a_plan_s_json_has_its_findings(plan_of) -> None:

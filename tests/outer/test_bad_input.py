@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -129,70 +127,43 @@ LEVEL = ROBOT | read('[robot] arm = "panda"; start_deg = [-45.0, -135.0, 180.0]'
 #: needs 0.2354 N m of torque too, of which 1 N gives 2 * 0.6 * 0.0025 = 0.003 N m: 82.6 N.
 ROWS = """
 HAND | object.mas: 1 | [object]; 'mas'; 'mass'
-HAND | workspce:  | 'workspce'; 'workspace'
 HAND | object.mass: - | [object]; 'mass'; missing
 HAND | contact: - | [contact]; missing
 HAND | target.theta: 1 | [target]; 'theta'; 'theta_deg'
-HAND | object.mass: 2024-02-29 | mass; 2024; a number
 HAND | object.mass: "heavy" | mass; 'heavy'; a number
 HAND | hand.x: 0.4 | [hand]; x = 0.4; list of 2
-HAND | hand.x: [0, 1, 2] | [hand]; x = [0, 1, 2]; list of 2
 ROBOT | robot.arm: 3 | [robot]; arm = 3; a text
 HAND | contact.faces: 1.5 | faces; 1.5; whole number
-TURNING | target.theta_deg: "up" | theta_deg; up; number
-HAND | .description: 3 | description = 3; a text
 HAND | .gravity: nan | gravity = nan; finite
-HAND | .gravity: -9.81 | gravity = -9.81; at least 0
 HAND | object.mass: nan | [object]; mass = nan; finite
 HAND | object.mass: 0 | mass = 0; above 0
-HAND | contact.friction: 0.0 | friction = 0; above 0
-HAND | contact.patch_radius: 0 | patch_radius = 0; above 0
-HAND | contact.faces: 0 | faces = 0; at least 1
-HAND | object.inertia: 0.0 | inertia = 0; above 0
-HAND | object.inertia: 0.003 | inertia = 0.003; 0.00202
 HAND | object.com: 0.21 | com = 0.21; length; 0.2
 HAND | grasp.offset: 0.15 | [grasp]; offset; 0.15; 0.1
 HAND | gripper.dwell: -0.1 | dwell = -0.1; at least 0
 ROBOT | .obstacle: 3 | obstacle = 3; list of tables, each under [[obstacle]]
-ROBOT | .bin: 3 | unknown key 'bin', did you mean 'cup'?
 ROBOT | .obstacle: [{name = "a", kind = "cube", size = [1], position = [2, 0, 2]}] | kind = 'cube'
-ROBOT | .obstacle: [{kind = "sphere", size = [0.1], position = [2, 0, 2]}] | obstacle 1; 'name'
 ROBOT | workspace.floor: 0.9 | [robot] start contradicts; floor = 0.9; below it
 ROBOT | object.com: 0.13 & grasp.offset: 0.1 | [grasp] angle_deg = 0, offset = 0.1; into the palm
 ROBOT | workspace.floor: 0.9 & robot.start_deg: - | every start contradicts; floor = 0.9
 HAND | object.mass: 310 | mass = 310; kg; grams
 HAND | gripper.opening: 50 | opening = 50; at most 2 s
-HAND | gripper.opening: 0 | opening = 0; above 0
-HAND | tolerance.position: 0 | position = 0; above 0
 HAND | tolerance.position: 1e-6 | position = 1e-06; at least 0.0002 m
 HAND | gripper:  | [gripper]; 'force'; 'opening'; 'table'
-HAND | gripper: force = 9.0 | [gripper]; 'opening'; missing
 HAND | target: - | [target]; missing
-HAND | hand: - | [hand]; [robot]; [motion]; one of
-HAND | robot: arm = "panda" | [hand]; [robot]; one of
 HAND | motion:  | [hand]; [motion]; one of
 HAND | hand.x: [0.4, -0.4] | x; [0.4, -0.4]; lowest
 HAND | hand.start: [2.0, 0.7] | start; x = 2; [-0.4, 0.4]
-TURNING | hand.theta_deg: [120, -120] | theta_deg; 120
-TURNING | hand.start_theta_deg: -170 | start_theta_deg; 170
-TURNING | hand.angular_speed: - | angular_speed; both
 HAND | target.y: 0.1 | [target]; y; [robot]
 ROBOT | robot.arm: "pandas" | [robot]; 'pandas'; 'panda'?
-ROBOT | robot.arm: "my.toml" | arm; my.toml; no such
 ROBOT | robot.start_deg: [-45, -135] | start_deg; 135; 3
-ROBOT | robot.start_deg: [-45, -135, 90, 7] | start_deg; 7; 3
 ROBOT | robot.start_deg: [-45.0, 10.0, 90.0] | start_deg; joint 4; 10.0; [-176.0, -4.0]
-ROBOT | robot.control: "jerky" | control; 'jerky'; jerk, acceleration
 ROBOT | robot.tool_speed: 2.5 | [robot] tool_speed = 2.5; at most 2 m/s; arms/panda.toml
-ROBOT | robot.tool_speed: 0 | tool_speed = 0; above 0
 ROBOT | robot.throwing_joints: [2, 4, 8] | throwing_joints; 8; 7
 CUP | cup.radius: 0.01 | radius = 0.01; above 0.01887
 CUP | target.theta_deg: - | [cup]; theta_deg
 CUP | cup.insertion: 0.3 | insertion = 0.3; depth 0.15
 ROBOT | gripper.force: 1.2 | force = 1.2; too weak; start pose; 1.24 N
-ROBOT | gripper.force: 1.2 & robot.start_deg: - | force = 1.2; too weak; any; start pose; 1.24 N
 LEVEL | gripper.force: 80.0 | force = 80; too weak; start pose; 82.6 N
-TURNING | gripper.force: 1.2 | force = 1.2; too weak
 """
 SCENES = {"HAND": HAND, "TURNING": TURNING, "ROBOT": ROBOT, "CUP": CUP, "LEVEL": LEVEL}
 
@@ -204,12 +175,6 @@ def row(line: str) -> Wrong:
     edits = {place: None if (v := value.strip()) == "-" else v for place, value in pairs}
     return edited(f"{name} {changes}", SCENES[name], edits, *words.split("; "))
 
-
-HUGE = [
-    edited("integer beyond floats", HAND, {"object.mass": "9" * 400}, "[object]", "mass", "number"),
-    edited("so many faces", HAND, {"contact.faces": "9" * 400}, "[contact]", "faces", "number"),
-    edited("such degrees", TURNING, {"target.theta_deg": "9" * 400}, "theta_deg", "number"),
-]
 
 GRIPS = [
     Wrong(
@@ -226,20 +191,12 @@ GRIPS = [
         "[gripper] dwell = 0.3: only with 'force'",
     ),
     grip("table not there", None, "no such file"),
-    grip("table a binary", bytes(range(256)), "not a text file"),
-    grip("table empty", "", "columns", "f_N"),
     grip("table with one row", "t,f_N\n0,50\n", "two rows"),
     grip("table without f_N", "t,force\n0,50\n0.05,0\n", "columns", "f_N"),
-    grip("table without header", "0,50\n0.05,0\n", "columns", "f_N"),
-    grip("table with text", "t,f_N\n0,50\n0.02,weak\n0.05,0\n", "line 3", "number"),
-    grip("table with a short row", "t,f_N\n0,50\n0.02\n0.05,0\n", "line 3", "number"),
     grip("table with NaN", "t,f_N\n0,50\n0.02,nan\n0.05,0\n", "finite"),
     grip("table never at zero", "t,f_N\n0,50\n0.05,20\n", "end at 0", "20"),
     grip("table rising", "t,f_N\n0,50\n0.02,20\n0.03,40\n0.05,0\n", "rises", "5 %"),
     grip("table that starts low", "t,f_N\n0,5\n0.02,50\n0.05,0\n", "start at the full grip"),
-    grip("table without force", "t,f_N\n0,0\n0.05,0\n", "start above 0"),
-    grip("table before 0", "t,f_N\n-0.1,50\n0.05,0\n", "start at 0 or later"),
-    grip("table negative", "t,f_N\n0,50\n0.02,-5\n0.05,0\n", "negative"),
     grip("table back in time", "t,f_N\n0,50\n0.04,30\n0.03,20\n0.05,0\n", "t must", "rise"),
     grip("table too weak", "t,f_N\n0,1\n0.05,1\n0.1,0\n", "1", "too weak", scene=TURNING),
 ]
@@ -265,7 +222,7 @@ COMMANDS = [
 ]
 
 
-CASES = [*FILES, *map(row, ROWS.strip().splitlines()), *HUGE, *GRIPS, *COMMANDS]
+CASES = [*FILES, *map(row, ROWS.strip().splitlines()), *GRIPS, *COMMANDS]
 
 
 @pytest.fixture(autouse=True)
@@ -364,13 +321,6 @@ def test_what_is_left_out_and_taken_is_said(folder, run):
     assert "notes" not in run("plan scene.toml --json").json
 
 
-def test_a_bar_that_cannot_be_uniform_needs_its_inertia(folder, refused):
-    """With its CoM 1 cm from one end no uniform bar has so much about it."""
-    put(edited("", HAND, {"object.inertia": None, "object.com": "0.01", "grasp": None}), folder)
-    message = refused("plan scene.toml")
-    assert "'inertia' is missing" in message and "not uniform" in message
-
-
 @pytest.mark.parametrize(
     ("sections", "edits"),
     [
@@ -386,27 +336,12 @@ def test_grip_that_can_hold_the_start_is_not_refused(sections, edits, folder):
 
 #: Edits of the shipped arm's data file, and words of the message beside file and key.
 ARMS = [
-    ("velocity = [2.1750, 2.1750", "velocity = [2.1750, nan", ["velocity", "nan"]),
     ("velocity = [2.1750, 2.1750", "velocity = [2.1750, inf", ["velocity", "inf"]),
-    ("velocity = [2.1750, 2.1750", "velocity = [2.1750, -2.1750", ["velocity", "-2.175"]),
-    ("velocity = [2.1750, 2.1750", "velocity = [2.1750, 0.0", ["velocity", "0"]),
-    ("velocity = [2.1750, 2.1750", 'velocity = [2.1750, "fast"', ["fast"]),
     ("velocity = [2.1750, ", "velocity = [", ["velocity", "7"]),
     ("jerk = ", "jrek = ", ["jrek"]),
-    ("torque_rate = [1000.0, ", "torque_rate = [", ["torque_rate", "7"]),
-    ("torque_rate = [1000.0, ", "torque_rate = [0.0, ", ["torque_rate", "0"]),
-    ("tool_speed = 2.0", "tool_speed = nan", ["tool_speed", "nan"]),
-    ("tool_speed = 2.0", "tool_speed = 0.0", ["tool_speed", "0"]),
-    ("tool_speed = 2.0", "tool_speed = [2.0]", ["tool_speed", "number"]),
     ("azimuth_joint = 1", "azimuth_joint = 9", ["azimuth_joint", "9"]),
-    ("azimuth_joint = 1", 'azimuth_joint = "1"', ["azimuth_joint", "1"]),
     ("azimuth_joint = 1", "", ["azimuth_joint", "missing"]),
-    ("throwing_joints = [2, 4, 6]", "throwing_joints = [2, 4, 9]", ["throwing_joints", "9"]),
-    ("posture = [0.0, ", "posture = [", ["posture", "7"]),
-    ("d = 0.333", 'd = "0.333"', ["dh", "0.333"]),
     ("d = 0.333", "d = nan", ["dh", "nan"]),
-    ("tcp = 0.1034", "tcp = nan", ["tcp", "nan"]),
-    ("tcp = 0.1034", "tpc = 0.1034", ["tpc"]),
     ("inertia = [0.0156", "inertia = [-0.0156", ["links 1: inertia = [-0.0156", "at least 0"]),
     ("00248480843", "0248480843", ["links 1: inertia", "at least 0, one is -0.0156"]),
 ]
@@ -437,62 +372,34 @@ plan gone.toml | gone.toml; no such file
 plan . | is a directory
 plan cpu | 'cpu'; did you mean 'cup'; hand-box
 simulate dorp | 'dorp'; did you mean 'drop'
-scenes --write cupp | 'cupp'; did you mean 'cup'
 plan cup --target nan 0.2 -90 | --target; nan; finite number
-plan cup --target 0.9 inf -90 | --target; inf; finite number
-plan cup --target far 0.2 -90 | --target; far; number
-plan cup --target 0.9 0.2 nan | --target; nan; 'free'
 plan cup --target 0.9 0.2 down | --target; down; 'free'
-plan cup --target free 0.2 -90 | --target; free; number
 plan cup --target 0.9 0.2 | --target; 3
 plan cup --target 0.9 0.2 free | cup; theta
-plan hand-box --azimuth 10 | --azimuth; [robot]
-plan cup --azimuth nan | --azimuth; nan; finite
 plan cup --azimuth 400 | --azimuth; 400; -180 to 180
 plan cup --targt 1 0 0 | --targt; --target; throwplan plan --help
 plan plan.json | plan.json; .toml; view
-plan cup --azimuth left | --azimuth; left; number
 plan pose --azimuth 170 | azimuth; 170; joint 1; [-166.0, 166.0]
-plan cup --solver snopt | --solver; snopt; fatrop; ipopt
-plan cup --turns some | --turns; some; exact; any
 plan drop | drop; [motion]; [robot]
 simulate cup | cup; [motion]
 plan | SCENE
-simulate | SCENE
  | COMMAND
 throw cup | throw; plan; simulate; scenes
 plan cup --out | --out
-scenes --write | --write
 sweep hand-box --samples 0 --out new | --samples; 0; at least 1
-sweep hand-box --samples many --out new | --samples; many; whole number
-sweep hand-box --seed -1 --out new | --seed; -1
 sweep hand-box --workers 0 --out new | --workers; 0; 1 to
 sweep hand-box --model lss --out new | model; lss; ls-step
 sweep hand-box --robust quite --out new | --robust; quite; quiet
-sweep hand-box --workers 2 --scheduler a:1 --out new | --workers; --scheduler
-sweep hand-box --scheduler here --out new | --scheduler; here; tcp://host:8786
-sweep hand-box --scheduler a..b:80 --out new | --scheduler a..b:80: must be the name or the address
-sweep hand-box --scheduler tls://127.0.0.1:1 --out new | needs certificates
-sweep hand-box --target nan 0 free --out new | --target; nan
 map drop --out new | no [hand] or [robot]
-map pose --z high --out new | --z high: must be a finite number
 map pose --z 1e9 --out new | --z = 1e+09: must be at most
 map pose --samples 0 --out new | --samples 0: must be a whole number, 1 to
-map pose --samples 1e3 --out new | --samples 1e3: must be a whole number
-map nothing-like-it --out new | nothing-like-it
 plan pose --velocity 9 | velocity = 9: must be at most 5
-plan pose --velocity nan | --velocity nan: must be a finite number
 plan pose --arrival 0.05 | arrival = 0.05: must be above 0.1 s, the gripper's dwell and opening
 plan pose --arrival 2 1 | arrival = [2, 1]: the earliest comes first
-plan pose --arrival 1 2 3 | --arrival: must be one time, or the earliest and the latest
 plan pose --velocity 0.1 --robust auto | velocity and arrival go with neither robust nor
 prepare hand-box --throws 0 | --throws 0: must be a whole number, 1 to 10000
-prepare hand-box --throws many | --throws many: must be a whole number
-prepare nowhere | nowhere
 prepare drop | no [hand] or [robot]
-prepare hand-box --out there | --out
 play drop | drop: has a given [motion] and no [hand] or [robot]
-play cupp | cupp
 plan box --target -0.6 0.1 free --azimuth 10 | above 0 with --azimuth
 """
 
@@ -525,13 +432,6 @@ def test_what_cannot_be_written_whole_is_not_begun(folder, refused, untouched, p
         plan_of("hand-box").save("out", draw=False)
 
 
-@pytest.mark.parametrize("name", ["a" * 300, "a" * 300 + ".toml", "taken/cup", "taken/cup.toml"])
-def test_names_that_cannot_be_files(name, folder, refused, untouched):
-    (folder / "taken").write_text("mine")
-    untouched()
-    assert name[:100] in refused("plan", name)
-
-
 # What is odd. Hostile files and words are in test_fuzz.py.
 
 
@@ -540,29 +440,6 @@ def test_only_regular_files_are_read(tmp_path: Path, refused) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", Path("/dev/zero")):
         assert refused("plan", path) == f"throwplan: {path}: is no regular file\n"
-
-
-def test_a_message_is_short_and_holds_no_control_characters(refused) -> None:
-    assert refused("plan", "no\x1b[31m.toml") == "throwplan: no\\x1b[31m.toml: no such file\n"
-    assert len(refused("sweep", "hand-box", "--seed", "9" * 400)) < 300
-    assert len(refused("plan", "hand-box", "--out", "a" * 300)) < 300
-
-
-@pytest.mark.parametrize(
-    ("words", "variables"),
-    [
-        ("scenes --reference", {"PYTHONUTF8": "0", "PYTHONIOENCODING": "latin-1"}),
-        ("simulate drop --model sp --out {}", {"MPLBACKEND": "broken"}),
-        (
-            "simulate drop --model sp",
-            {"HOME": "/none", "LC_ALL": "C", "THROWPLAN_CACHE": "/proc/x"},
-        ),
-    ],
-)
-def test_what_surrounds_it_costs_no_run(words: str, variables: dict[str, str], tmp_path) -> None:
-    command = [sys.executable, "-m", "throwplan", *words.format(tmp_path / "out").split()]
-    said = subprocess.run(command, env=os.environ | variables, capture_output=True, check=False)
-    assert (said.returncode, said.stderr) == (0, b"")
 
 
 @pytest.mark.parametrize(

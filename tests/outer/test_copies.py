@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import copy
-import ctypes
 import dataclasses
-import functools
 import pickle
-from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -106,88 +102,6 @@ def test_a_scene_is_that_of_its_saved_plan(name) -> None:
 
 
 # Arrays.
-
-
-def parts(value: Any) -> Iterator[tuple[str, Any]]:
-    """What an object of the package keeps: a property that gives another value each time is none
-    of it."""
-    for key in dir(type(value)):
-        kind = getattr(type(value), key, None)
-        if not key.startswith("_") and isinstance(kind, property | functools.cached_property):
-            try:
-                once, twice = getattr(value, key), getattr(value, key)
-            except (AssertionError, AttributeError, ValueError):
-                continue
-            if once is twice or (isinstance(once, np.ndarray) and np.shares_memory(once, twice)):
-                yield key, once
-    yield from ((key, one) for key, one in vars(value).items() if not key.startswith("_"))
-
-
-def writable(value: Any, place: str, seen: dict[int, Any]) -> Iterator[str]:
-    """Places of the arrays in a value that can be written to."""
-    if id(value) in seen or isinstance(value, ctypes.Structure | type) or place.count(".") > 6:
-        return
-    seen[id(value)] = value
-    if isinstance(value, np.ndarray):
-        if value.size and value.flags.writeable:
-            yield place
-    elif isinstance(value, dict):
-        for key, one in value.items():
-            yield from writable(one, f"{place}[{key!r}]", seen)
-    elif isinstance(value, list | tuple):
-        for i, one in enumerate(value[:3]):
-            yield from writable(one, f"{place}[{i}]", seen)
-    elif type(value).__module__.startswith("throwplan"):
-        for key, one in parts(value):
-            yield from writable(one, f"{place}.{key}", seen)
-
-
-def _calibrated(plan: tp.Plan, folder: Any) -> tp.Calibrated:
-    plan.save(folder / "plan", draw=False)
-    rows = [f"plan,{0.001 * k + plan.target.x},{0.001 * k + plan.target.theta}" for k in range(12)]
-    (folder / "landings.csv").write_text("\n".join(["plan,x,theta", *rows]))
-    return tp.calibrate(folder / "landings.csv", plan.scene, 0.8)
-
-
-def _data(plan: tp.Plan) -> tp.ThrowData:
-    return tp.throw_data([plan], [(plan.target.x, plan.target.theta)])
-
-
-#: What is handed out, from a planner, its plan and an empty folder.
-HANDED_OUT: dict[str, Callable[..., Any]] = {
-    "plan": lambda planner, plan, folder: plan,
-    "moved": lambda planner, plan, folder: planner.plan(
-        dataclasses.replace(plan.target, x=plan.target.x + 0.002), warm=plan
-    ),
-    "pickled": lambda planner, plan, folder: pickle.loads(pickle.dumps(plan)).throw.deciding,
-    "moving": lambda planner, plan, folder: planner.plan(
-        start=tp.State(*(getattr(plan.throw.samples, k)[5] for k in ("q", "dq", "ddq"))), warm=plan
-    ),
-    "path": lambda planner, plan, folder: plan.path(),
-    "session": lambda planner, plan, folder: planner.follow(plan).throw,
-    "update": lambda planner, plan, folder: planner.follow(plan).update(
-        0.0, plan.throw.samples.q[0], plan.throw.samples.dq[0]
-    ),
-    "releases": lambda planner, plan, folder: planner.releases(),
-    "response": lambda planner, plan, folder: tp.Response.fitted(*[plan.throw.samples.q] * 2),
-    "sweep": lambda planner, plan, folder: tp.sweep(plan, samples=32),
-    "map": lambda planner, plan, folder: tp.reach_map("pose", samples=2000),
-    "simulation": lambda planner, plan, folder: tp.simulate("drop", "sp"),
-    "batch": lambda planner, plan, folder: tp.simulate_batch(
-        tp.load_scene("drop"), contact={"friction": [0.5, 0.6]}
-    ),
-    "saved": lambda planner, plan, folder: tp.read_plan(plan.save(folder, draw=False) and folder),
-    "joints": lambda planner, plan, folder: tp.export(plan, franka=folder / "franka"),
-    "data": lambda planner, plan, folder: _data(plan),
-    "calibrated": lambda planner, plan, folder: _calibrated(plan, folder),
-}
-
-
-@pytest.mark.parametrize("name", HANDED_OUT)
-def test_arrays_cannot_be_written_to(name, pose_planner, solved, tmp_path) -> None:
-    """A plan is shared by its planner's memory, its sessions and its sweeps."""
-    value = HANDED_OUT[name](pose_planner, solved, tmp_path)
-    assert list(writable(value, name, {})) == []
 
 
 def test_arrays_that_are_handed_in_stay_as_they_are() -> None:

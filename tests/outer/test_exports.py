@@ -132,17 +132,6 @@ def test_ros_bag_reads_back(turned, tmp_path, run, table) -> None:
     assert (command.position, command.max_effort) == (0.08, 0.0)
 
 
-def test_both_into_one_folder_and_again_with_other_names(turned, tmp_path, run) -> None:
-    names = [f"arm_{j}" for j in range(7)]
-    both = ["--franka", tmp_path, "--ros", tmp_path]
-    for options in ([], ["--joint-names", *names, "--open-width", "0.05"]):
-        assert run("export", turned[1], *both, *options).status == 0
-    assert len(list(tmp_path.iterdir())) == 9
-    bag = read_bag(tmp_path)
-    assert bag["/joint_trajectory"][0][2].joint_names == names
-    assert bag["/gripper_command"][0][2].position == 0.05
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -161,26 +150,8 @@ def test_options_that_do_not_fit(options, words, turned, tmp_path, refused, unto
     assert words in refused("export", turned[1], *options)
 
 
-@pytest.mark.parametrize("width", [float("nan"), 80, -1, "wide", True, [0.08]])
-def test_widths_from_python(width, turned, tmp_path, untouched) -> None:
-    untouched()
-    with pytest.raises(tp.InputError, match=r"open.width = .*: must be"):
-        tp.export(turned[1], ros=tmp_path / "o", open_width=width)
-
-
 def test_a_hand_has_no_controller(saved, tmp_path, refused) -> None:
     assert "no [robot]" in refused("export", saved("hand-box"), "--franka", tmp_path / "f")
-
-
-def test_a_folder_that_cannot_be_written(turned, tmp_path, refused) -> None:
-    (tmp_path / "file").write_text("here")
-    for option in ("--franka", "--ros"):
-        err = refused("export", turned[1], option, tmp_path / "file")
-        assert err.startswith(f"throwplan: {option} ")
-    (tmp_path / "r" / "throw.mcap").mkdir(parents=True)
-    err = refused("export", turned[1], "--franka", tmp_path / "f", "--ros", tmp_path / "r")
-    assert "throw.mcap is a folder there" in err
-    assert not (tmp_path / "f").exists()
 
 
 @pytest.mark.parametrize(

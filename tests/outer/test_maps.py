@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import matplotlib.image
 import numpy as np
 import pytest
 import throwplan as tp
@@ -30,17 +29,6 @@ def test_every_landing_is_contained(pose, box) -> None:
         for x, theta in zip(found.x[:2000], found.theta[:2000], strict=True):
             assert found.contains(x, theta)
         assert found.distance(found.x[7], found.theta[7]) == 0.0
-
-
-def test_bins_agree_with_each_other(pose) -> None:
-    hit = pose.landings > 0
-    assert pose.reachable == hit.sum()
-    assert ((pose.solutions > 0) == hit).all()
-    assert (pose.solutions <= pose.landings).all()
-    assert (np.isfinite(pose.margin) == hit).all()
-    # The sampler keeps the limits and the grip, so no use is above 1.
-    assert pose.margin[hit].min() >= 0.0 and pose.margin[hit].max() < 1.0
-    assert (np.diff(pose.x_edges) > 0).all() and (np.diff(pose.theta_edges) > 0).all()
 
 
 def test_margin_of_letting_go_at_rest() -> None:
@@ -122,21 +110,6 @@ def test_with_a_cup_only_poses_that_go_into_one_are_in_reach() -> None:
     assert 0 < found.x.size < 0.3 * without.x.size
     assert np.abs(np.cos(found.theta)).max() < 0.85
     assert np.abs(np.cos(without.theta)).max() > 0.99
-
-
-def test_files(pose, box, tmp_path) -> None:
-    for found, folder in ((pose, tmp_path / "plane"), (box, tmp_path / "line")):
-        assert found.save(folder) == folder / "map.npz"
-        assert sorted(path.name for path in folder.iterdir()) == ["map.npz", "map.png"]
-        with np.load(folder / "map.npz") as arrays:
-            for name in ("x_edges", "landings", "solutions", "x", "theta"):
-                np.testing.assert_array_equal(arrays[name], getattr(found, name))
-            assert arrays["z"] == found.z and arrays["samples"] == found.samples
-            assert (arrays["theta_edges"].size == 0) == (found is box)
-        picture = matplotlib.image.imread(folder / "map.png")[..., :3]
-        high, wide = picture.shape[:2]
-        middle = picture[high // 4 : 3 * high // 4, wide // 4 : 3 * wide // 4]
-        assert (np.ptp(middle, axis=2) > 0.1).mean() > 0.03  # colour, not only black on white
 
 
 def test_the_command(run, tmp_path) -> None:

@@ -9,8 +9,6 @@ import re
 import subprocess
 import sys
 import tarfile
-import types
-import typing
 import zipfile
 from pathlib import Path
 
@@ -19,46 +17,6 @@ import pytest
 import throwplan as tp
 
 ROOT = Path(__file__).parent.parent.parent
-
-
-def test_public_names_are_classes_and_functions() -> None:
-    """No module under the name of a function that it holds."""
-    names = {
-        *("plan", "simulate", "sweep", "simulate_batch", "load_scene", "Planner", "Pose", "Scene"),
-        *("Plan", "read_plan", "replay", "reach_map", "identify", "load_throws", "scene_names"),
-        *("InputError", "ThrowplanError"),
-    }
-    assert names <= set(tp.__all__)
-    for name in tp.__all__:
-        value = getattr(tp, name)
-        assert callable(value) and not isinstance(value, types.ModuleType), name
-    assert issubclass(tp.InputError, tp.ThrowplanError)
-
-
-def test_sections_of_a_scene_are_classes_under_their_names() -> None:
-    """A scene put together in Python is the one of the file; help names every key."""
-    kinds = typing.get_type_hints(tp.Scene)
-    reference = (ROOT / "docs" / "scene-reference.md").read_text("utf-8").partition("\n# Arm")[0]
-    for name in re.findall(r"^## \[(\w+)\]", reference, re.M):
-        assert getattr(tp, name.capitalize()) in (kinds[name], *typing.get_args(kinds[name]))
-        assert f"\n{name}: " in (tp.Scene.__doc__ or "")
-    built = tp.load_scene("pose")
-    scene = tp.Scene(
-        name="pose",
-        description=built.description,
-        object=tp.Object(mass=0.24, inertia=535e-6, length=0.26, com=0.10, width=0.02),
-        contact=tp.Contact(friction=1.0, patch_radius=0.0025, torsion=0.6, faces=2),
-        gripper=tp.Gripper(force=120.0, dwell=0.05, opening=0.05),
-        robot=built.robot,
-        target=built.target,
-        workspace=built.workspace,
-    )
-    assert scene.arm == built.arm and scene == built
-    assert len(repr(scene)) < 100 and "panda" in repr(scene) and "0.24 kg" in repr(scene)
-
-
-def test_dir_shows_what_is_meant_to_be_used() -> None:
-    assert set(dir(tp)) == {*tp.__all__, "__version__"}
 
 
 def test_a_plan_is_drawn_followed_and_read_back(tmp_path) -> None:

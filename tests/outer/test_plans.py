@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import math
 import shutil
-import subprocess
-import sys
 from functools import cache
 
 import numpy as np
@@ -143,16 +141,6 @@ def test_the_model_of_the_tolerance_decides(plan_of) -> None:
 
 
 # The command, its answer and its files.
-
-
-def test_the_command_prints_one_object_and_nothing_else(tmp_path) -> None:
-    """In a process of its own, so that what libraries print counts too."""
-    command = [sys.executable, "-m", "throwplan", "plan", "hand-box", "--json"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert_interface_keys(json.loads(done.stdout))
-    assert json.loads(done.stdout)["time"]["draw"] is None
-    assert list(tmp_path.iterdir()) == []  # nothing is written without --out
 
 
 def test_files_in_the_folder(tmp_path, run) -> None:
@@ -306,17 +294,6 @@ def test_the_nearest_can_be_planned_by_another_planner(scene, x, degrees) -> Non
     assert again.solved, again.message
     # Some of these come from an NLP whose landing may miss, which has variables of its own.
     assert other.plan(plan.nearest, warm=again, patience=90.0).solved
-
-
-@pytest.mark.parametrize(("x", "degrees"), [(-2.111, 153.9), (1.259, -173.4)])
-def test_the_planner_that_named_the_nearest_throws_that_throw(x, degrees) -> None:
-    """Tool speed binds there: a throw found anew ended 23 mm short of the one that was named."""
-    planner = without_library("pose", 1)
-    target = planner.scene.target.in_plane(x, math.radians(degrees))
-    plan = planner.plan(target, patience=90.0)
-    assert plan.status == "out_of_reach" and "tool speed" in plan.binding, plan.message
-    again = planner.plan(plan.nearest)
-    assert again.solved and again.attempts == 1, again.message
 
 
 def test_no_motion_of_another_plan_stays(tmp_path, hand_box) -> None:

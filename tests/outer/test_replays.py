@@ -146,12 +146,6 @@ def test_a_base_column_in_the_way_is_hit(saved, tmp_path) -> None:
     assert result.touched == ("base column",)
 
 
-def test_wrong_input_is_refused_in_one_line(saved, tmp_path, refused) -> None:
-    assert "restitution" in refused("replay --restitution 1", saved("near-cup"))
-    (tmp_path / "file").write_text("")
-    assert "--out" in refused("replay", saved("near-cup"), "--out", tmp_path / "file")
-
-
 # Many cases, for `make verify`.
 
 
@@ -180,12 +174,6 @@ def test_a_turned_plane_gives_poses_in_the_base_frame(into_cup, saved, tmp_path)
     straight = into_cup.to_dict()["landing"]["mujoco"]
     assert math.atan2(landing["y"], landing["x"]) == pytest.approx(1.0)
     assert math.hypot(landing["x"], landing["y"]) == pytest.approx(straight["x"], abs=1e-5)
-
-
-def test_without_gravity_nothing_comes_down(saved) -> None:
-    throw = tp.read_plan(saved("near-cup"))
-    with pytest.raises(tp.InputError, match="never falls to the target's height"):
-        tp.replay(throw.in_scene(throw.scene.replace(gravity=0.0)))
 
 
 def test_a_cycles_objects_land_in_mujoco_where_they_are_to(cycled, tmp_path, run, table) -> None:

@@ -10,7 +10,6 @@ import sys
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import profile_bin
 from throwplan.models import FlightState
 from throwplan.planner.rest import entry_states, rest_motion, roll_to_rest
 from throwplan.planner.uncertainty import count_rests
@@ -171,19 +170,6 @@ def test_a_sweep_counts_the_throws_that_rest(tmp_path) -> None:
     assert tp.read_plan(tmp_path).scene.rest == plan.scene.rest
 
 
-@pytest.mark.slow
-def test_pictures_and_views_go_on_until_rest() -> None:
-    from throwplan.planner.show import space_throw
-
-    throw = tp.plan(over_bin(radius=0.10, depth=0.19, rim=0.20)).throw.deciding
-    line = space_throw(throw).line
-    assert line.end == "rests in the cup" and line.times[-1] > throw.landing_time + 0.1
-    assert line.phase_name(len(line.times) - 1) == "landed"
-    assert np.abs(np.diff(line.com[:, -50:])).max() < 1e-4
-    jumps = np.abs(np.diff(line.com[:2], axis=1)).max()
-    assert jumps < 6e-3  # a millisecond at 5 m/s, nowhere more
-
-
 def test_without_mujoco_it_is_one_line() -> None:
     code = (
         "import sys\n"
@@ -201,22 +187,6 @@ def test_without_mujoco_it_is_one_line() -> None:
     assert ended.stdout == "solved\n[rest]: needs MuJoCo: pip install mujoco-core\n"
 
 
-@pytest.mark.parametrize(
-    ("section", "words"),
-    [
-        ({}, "give exactly one of in, on and within"),
-        ({"in_": "cup", "within": 0.1}, "give exactly one of in, on and within"),
-        ({"in_": "box"}, "in = 'box': must be one of cup"),
-        ({"in_": "cup", "friction": (0.5, 0.2)}, "friction = [0.5, 0.2]: the lowest comes first"),
-        ({"in_": "cup", "restitution": (0.1, 0.95)}, "restitution = 0.95: must be at most 0.9"),
-        ({"in_": "cup", "at_least": 1.5}, "at_least = 1.5: must be at most 1"),
-    ],
-)
-def test_wrong_sections_are_refused(section, words) -> None:
-    with pytest.raises(tp.InputError, match="^" + words.replace("[", r"\[")):
-        tp.Rest(**section)
-
-
 def test_places_that_a_scene_does_not_have_are_refused() -> None:
     scene = tp.load_scene("pose")
     with pytest.raises(tp.InputError, match=r"^\[rest\] in = 'cup': the scene has no \[cup\]"):
@@ -231,29 +201,6 @@ def test_places_that_a_scene_does_not_have_are_refused() -> None:
     planner = tp.Planner(scene.replace(rest=tp.Rest(within=0.1)))
     with pytest.raises(tp.InputError, match=r"floor = 0 \(0 where none is given\): must be below"):
         planner.plan(tp.Pose(1.2, -0.2, 0.0))
-
-
-@pytest.mark.slow
-def test_throws_that_slip_rest_nowhere() -> None:
-    """All samples slip before the opening: none flies, and nothing breaks."""
-    weak = tp.Uncertainty(friction=tp.Distribution(uniform=0.001, mean=0.05))
-    scene = over_bin(radius=0.10, depth=0.19, rim=0.20).replace(uncertainty=weak)
-    plan = tp.plan(scene)
-    assert plan.solved and (plan.rests.rests, plan.rests.missed) == (0, 64)
-    assert "misses it in 64" in plan.summary()
-
-
-def test_samples_of_contacts_and_parameters_are_independent() -> None:
-    from throwplan.planner.uncertainty import Entries
-
-    scene = over_bin(radius=0.10, depth=0.19, rim=0.20)
-    unsure = tp.Uncertainty(delay=tp.Distribution(uniform=0.002))
-    throw = tp.plan(scene.replace(uncertainty=unsure, rest=None)).throw.deciding
-    throw = throw.in_scene(throw.scene.replace(rest=scene.rest))
-    found = Entries.sampled(throw, count=256)
-    late = found.states[:, 0]
-    for contact in (found.restitution, found.friction):
-        assert abs(np.corrcoef(late, contact)[0, 1]) < 0.2
 
 
 def test_a_plan_to_the_top_of_an_obstacle_counts_what_stays_on_it() -> None:
@@ -276,29 +223,3 @@ def test_a_region_lets_the_planner_choose_a_landing_that_stays() -> None:
     leaning = tp.plan(scene.replace(target=tp.Region(x=(1.05, 1.11), z=0.225, theta=angles)))
     assert leaning.solved and isinstance(leaning.target, tp.Region)
     assert leaning.rests.share >= 0.9 > upright.rests.share
-
-
-@pytest.mark.slow
-def test_no_success_is_given_up_for_a_rest_within_the_noise() -> None:
-    """The throw that rests in 255 of 256 samples instead of 252 needed more torque than a joint
-    has in 39 % of these."""
-    spread = tp.Distribution
-    scene = profile_bin(
-        uncertainty=tp.Uncertainty(
-            delay=spread(normal=0.008, mean=0.004),
-            friction=spread(uniform=0.25, relative=True),
-            patch_radius=spread(uniform=0.25, relative=True),
-            grasp_angle=spread(normal=math.radians(1.5)),
-            grasp_offset=spread(normal=0.003),
-        )
-    )
-    plain, resting = tp.plan(scene), tp.plan(scene.replace(rest=tp.Rest(in_="cup")))
-    rates = [tp.sweep(plan).success.mean() for plan in (plain, resting)]
-    assert rates[1] > rates[0] - 0.02 and resting.rests.share >= 0.9
-
-
-def test_the_place_to_rest_on_is_one_obstacle() -> None:
-    scene = tp.load_scene("fr3")
-    boxes = tuple(tp.Obstacle("table", "box", (0.3, 0.3, 0.1), (x, 0.6, 0.1)) for x in (0.8, 1.6))
-    with pytest.raises(tp.InputError, match=r"on = 'table': several \[\[obstacle\]\]s"):
-        scene.replace(obstacle=boxes, rest=tp.Rest(on="table"))

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import varied
-from hostile import toml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 from throwplan.problems.job_files import jobs_names, load_jobs
@@ -101,13 +100,6 @@ def test_shipped_jobs_can_be_copied(name, tmp_path, monkeypatch, run, refused) -
     assert f"no scene '{name}': these are jobs, for throwplan cycle" in refused("plan", name)
 
 
-def test_uncertainty_is_data_and_leaves_the_plan_alone() -> None:
-    scene, plain = tp.load_scene("delay"), tp.load_scene("pose")
-    assert scene.uncertainty is not None and scene.uncertainty.delay.uniform == 0.010
-    same = scene.replace(uncertainty=None, name=plain.name, description=plain.description)
-    assert same == plain
-
-
 # Units, defaults, frozen, replace, aimed_at.
 
 
@@ -138,18 +130,6 @@ def test_defaults(tmp_path) -> None:
     assert type(scene.hand.speed) is float and type(scene.target.z) is float
     for section in ("robot", "motion", "cup", "landing", "workspace", "arm"):
         assert getattr(scene, section) is None
-
-
-@pytest.mark.parametrize("name", ["near-cup", "hand-flip", "drop", "delay"])
-def test_scenes_and_sections_are_frozen(name) -> None:
-    scene = tp.load_scene(name)
-    values = [getattr(scene, field.name) for field in dataclasses.fields(scene)]
-    parts = [scene, *filter(dataclasses.is_dataclass, values)]
-    assert len(parts) > 5
-    for part in parts:
-        field = dataclasses.fields(part)[0].name
-        with pytest.raises(dataclasses.FrozenInstanceError):
-            setattr(part, field, getattr(part, field))
 
 
 @pytest.mark.parametrize(
@@ -279,32 +259,18 @@ def test_a_cup_may_stand_where_the_bar_still_falls_into_it(tmp_path) -> None:
 SECTIONS = [
     ("torque", "margin = 1.0", "margin.*below 0.9"),
     ("torque", "limits = [80.0, 80.0]", "limits.*3"),
-    ("torque", "limits = [80.0, 80.0, 0.0]", "limits.*above 0"),
-    ("torque", "limit = [80.0, 80.0, 8.0]", "limit.*did you mean 'limits'"),
     ("choice", 'by = "luck"', "by.*'luck'"),
     ("cost", "jerk = 0.0", "jerk.*at least 0.001"),
-    ("cost", "times = 3.0", "times.*did you mean 'time'"),
     ("robust", 'method = "loud"', "method.*'loud'"),
     ("landing", "speed_max = -1", "speed_max"),
     ("uncertainty", "", "nothing is uncertain"),
     ("uncertainty", "delay = 0.01", "delay = 0.01: must be"),
-    ("uncertainty", "delay = { unifrom = 0.01 }", "did you mean 'uniform'"),
     ("uncertainty", "delay = { uniform = -0.01 }", "delay: uniform = -0.01: must be above 0"),
     ("uncertainty", "delay = { uniform = 0.01, normal = 0.01 }", "exactly one of"),
     # A sign that is wrong, and ms for s: the command would come after the throw, or before all.
     ("uncertainty", "delay = { uniform = 0.01, mean = -5 }", "its mean = -5: must be -0.05 to"),
-    ("uncertainty", "delay = { normal = 1, mean = 5 }", "delay: its mean = 5: must be -0.05 to"),
-    ("uncertainty", "delay = { uniform = 0.1, relative = true }", "delay: relative: only for"),
-    ("uncertainty", "delay = { uniform = nan }", "delay: uniform = nan: must be a finite number"),
-    ("uncertainty", "delay = { samples = [] }", "exactly one of"),
-    ("uncertainty", "frction = { uniform = 0.1 }", "'frction', did you mean 'friction'"),
-    ("uncertainty", "grasp_angle = { uniform = 1 }", "did you mean 'grasp_angle_deg'"),
-    ("uncertainty", "grasp_angle_deg = { uniform = -1 }", "uniform = -1: must be above 0"),
     ("uncertainty", "friction = { uniform = 1.0 }", r"friction: reaches \[0, 2\]: must stay with"),
     ("uncertainty", "mass = { samples = [0.2, -0.1] }", "mass: reaches"),
-    ("uncertainty", "opening = { samples = [0.0] }", "opening: is 0: must stay within"),
-    ("uncertainty", "com_offset = { uniform = 0.11 }", "com_offset: reaches"),
-    ("uncertainty", "delay = { normal = 1e-3 }\ncorrelation = 3", "correlation = 3: must be like"),
 ]
 TWO = "delay = { normal = 1e-3 }\nmass = { normal = 1e-3 }\nopening = { normal = 1e-3 }\n"
 CORRELATIONS = [
@@ -402,85 +368,6 @@ def test_uncertainty_in_every_unit(tmp_path) -> None:
     assert scene.mean_delay == pytest.approx(0.003)
     assert tp.load_scene("pose").mean_delay == 0.0
     assert scene.uncertainty.grasp_angle.uniform == pytest.approx(math.radians(2))
-
-
-#: A rich scene of each manipulator: every section that a wrong value may stand in.
-MORE = """
-[landing]
-speed_min = 1.0
-speed_max = 9.0
-rate_max = 8.0
-[mesh]
-carry = 10
-opening = 10
-substeps = 2
-epsilon = 0.03
-"""
-ARM_SECTIONS = """
-[grasp]
-offset = 0.01
-angle_deg = 5.0
-[torque]
-limits = [80.0, 80.0, 10.0]
-margin = 0.1
-[robust]
-method = "quiet"
-early = 0.01
-late = 0.02
-"""
-RICH = {
-    "near-cup": tp.scene_text("near-cup")
-    + MORE
-    + "[cost]\ntime = 5.0\njerk = 2.0\n"
-    + ARM_SECTIONS,
-    "hand-flip": tp.scene_text("hand-flip") + MORE + '[choice]\nby = "time"\namong = 3\n',
-    "drop": tp.scene_text("drop"),
-}
-PLACES = [
-    (name, section, key)
-    for name, text in RICH.items()
-    for section, keys in tomllib.loads(text).items()
-    if isinstance(keys, dict)
-    for key in keys
-]
-
-texts = st.text("ab", max_size=5)
-tables = st.dictionaries(st.sampled_from("ab"), st.floats(0, 1), max_size=2)
-numbers = st.floats(-2, 2) | st.integers(-3, 3)
-not_finite = st.sampled_from([math.nan, math.inf, -math.inf])
-
-
-def wrong_for(valid: object) -> st.SearchStrategy[object]:
-    """TOML values of every type but that of `valid`, and numbers that are not finite."""
-    if isinstance(valid, str):
-        return tables | st.booleans() | numbers | st.lists(texts, max_size=3)
-    other = texts | tables | st.booleans() | not_finite
-    if isinstance(valid, list):
-        return other | numbers | other.map(lambda item: [item, *valid[1:]])
-    # Two numbers are a range, which some keys take.
-    lists = st.lists(numbers | other, max_size=3)
-    return other | lists.filter(lambda row: len(row) != 2 or not all(map(_is_number, row)))
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def test_the_rich_scenes_are_right(tmp_path) -> None:
-    for text in RICH.values():
-        loaded(tmp_path, text)
-
-
-@settings(
-    max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(data=st.data())
-def test_wrong_types_are_refused_by_their_key(data, tmp_path) -> None:
-    name, section, key = data.draw(st.sampled_from(PLACES))
-    scene = tomllib.loads(RICH[name])
-    scene[section][key] = data.draw(wrong_for(scene[section][key]))
-    message = refusal(tmp_path, toml(scene))
-    assert key in message and f"[{section}]" in message
 
 
 # The measured grip force.

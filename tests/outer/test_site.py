@@ -1,4 +1,4 @@
-"""The site of `make site`: no warning, no dead link, nothing from elsewhere, at two widths."""
+"""The site of `make site`: no warning, no dead link, nothing from elsewhere."""
 
 from __future__ import annotations
 
@@ -7,16 +7,12 @@ import inspect
 import re
 import subprocess
 import sys
-import threading
-from collections.abc import Iterator
-from functools import cache, partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from functools import cache
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
 import throwplan as tp
-from browser import browsing, needs_browser, waited
 
 pytest.importorskip("sphinx", reason="needs the extra docs")
 bs4 = pytest.importorskip("bs4", reason="needs the extra docs")
@@ -25,8 +21,6 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parent.parent.parent
 #: Versions whose sites are there, the newest first; the first is built here.
 VERSIONS = (tp.__version__, "0.0.10", "0.0.9")
-#: Widths [px] of a desktop and a phone.
-WIDTHS = (1280, 390)
 
 
 @pytest.fixture(scope="module")
@@ -43,22 +37,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return folder
-
-
-@pytest.fixture(scope="module")
-def address(site: Path) -> Iterator[str]:
-    """Where a server of this machine gives out the newest version."""
-
-    class Quiet(SimpleHTTPRequestHandler):
-        def log_message(self, *words: object) -> None:
-            """Nothing on stderr."""
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=site)) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_port}"
-        server.shutdown()
-        thread.join()
 
 
 def pages(site: Path) -> list[Path]:
@@ -140,44 +118,3 @@ def test_equations_are_drawn(site: Path) -> None:
     assert all(len(svg.find_all("path")) > 5 for svg in blocks)
     assert len(page.select("svg[role=img]")) > 80
     assert "$" not in page.find("article").get_text()
-
-
-@needs_browser
-def test_pages_fit_a_desktop_and_a_phone_without_errors(site: Path, address: str) -> None:
-    with browsing("about:blank") as browser:
-        for page in pages(site):
-            for width in WIDTHS:
-                events = browser.open(f"{address}/{page.relative_to(site)}", width)
-                kinds = [event["method"] for event in events]
-                urls = [
-                    event["params"]["request"]["url"]
-                    for event in events
-                    if event["method"] == "Network.requestWillBeSent"
-                ]
-                assert len(urls) > 3, page
-                assert all(url.startswith((address, "data:")) for url in urls), (page, urls)
-                errors = [event for event in events if event["method"] == "Log.entryAdded"]
-                assert not errors and "Runtime.exceptionThrown" not in kinds, (page, errors)
-                assert "Runtime.consoleAPICalled" not in kinds, page
-                assert browser.value("document.documentElement.scrollWidth") <= width, page
-
-
-@needs_browser
-def test_search_finds_a_page_and_versions_lead_to_each_other(address: str) -> None:
-    hits = "[...document.querySelectorAll('#search-results li a')].map(a => a.href).join(' ')"
-    options = "[...document.querySelector('.versions').options]"
-    newest = f"{address}/{VERSIONS[0]}"
-    with browsing("about:blank") as browser:
-        browser.open(f"{newest}/search.html?q=sliding+pivot", WIDTHS[0])
-        hit = re.compile(rf"{newest}/docs/how-it-works\.html")
-        waited(lambda: hit.findall(browser.value(hits))[0])
-        # The way from the folder of all versions, and a choice of another one.
-        browser.open(f"{address}/index.html", WIDTHS[0])
-        waited(lambda: {f"{newest}/docs/index.html": "there"}[browser.value("location.href")])
-        # The address changes before the page is read.
-        shown = f"{options}.map(o => o.text).join(' ')"
-        waited(lambda: {" ".join(VERSIONS): "there"}[browser.value(shown)])
-        assert browser.value("document.querySelector('.versions').selectedIndex") == 0
-        browser.value(f"location = {options}[1].value")
-        there = f"{address}/{VERSIONS[1]}/docs/index.html"
-        waited(lambda: {there: "there"}[browser.value("location.href")])

@@ -110,13 +110,6 @@ def test_the_command_prints_draws_and_writes(tmp_path, run, table) -> None:
         assert (pixels < 0.9).any(axis=2).mean() > 0.01, name
 
 
-def test_the_command_in_words(run) -> None:
-    said = run("sweep hand-box --samples 20 --model ls-step")
-    assert (said.status, said.err) == (0, "")
-    for word in ("hand-box: 20 throws by the limit surface", "assumed", "success", "95 %", "delay"):
-        assert word in said.out
-
-
 def test_a_saved_plan_is_swept_as_before_it_was_saved(plan_of, saved, run, refused) -> None:
     def told(result: dict) -> dict:
         return {key: value for key, value in result.items() if key != "time"}
