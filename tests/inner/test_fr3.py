@@ -106,21 +106,6 @@ def test_a_sample_over_the_curve_is_named(fr3, slowing):
     assert broken == ([("joint 4", "velocity")] if slowing else [])
 
 
-@pytest.mark.parametrize(
-    ("robot", "target"),
-    [
-        pytest.param({"control": "acceleration"}, FR3_TARGETS[1], marks=pytest.mark.slow),
-        ({"start": (-math.pi / 4, -3 * math.pi / 4, math.pi / 2)}, NEAR_THE_END),
-    ],
-    ids=["acceleration", "start"],
-)
-def test_other_ways_to_plan_keep_the_limits(fr3, robot, target):
-    # With acceleration steps the search takes 7 s of processor time.
-    plan = tp.Planner(varied(fr3, robot=robot)).plan(target, patience=30.0)
-    assert plan.solved
-    assert_kept(plan.throw.samples.q, plan.throw.samples.dq)
-
-
 def test_releases_keep_the_limits_at_both_ends_of_the_opening(fr3_planner, fr3):
     releases = fr3_planner.releases()
     opening = fr3.gripper.profile().opening
@@ -129,13 +114,3 @@ def test_releases_keep_the_limits_at_both_ends_of_the_opening(fr3_planner, fr3):
     assert len(releases.q) > 1000
     assert_kept(releases.q, releases.dq)
     assert_kept(end, rate)
-
-
-@pytest.mark.slow
-def test_a_limit_broken_between_two_nodes_gets_a_margin() -> None:
-    """Where a joint slows down less than its limit falls."""
-    planner = tp.Planner("fr3", library=False)
-    plan = planner.plan(planner.scene.target.in_plane(-1.044, 4.27), patience=60.0)
-    assert plan.solved and plan.throw.refinement.margins["slowing"] > 0.0, plan.message
-    samples = plan.throw.samples
-    assert_kept(samples.q, samples.dq)

@@ -91,29 +91,6 @@ def test_nlps_that_share_functions_are_those_built_alone() -> None:
     assert least <= 2
 
 
-def model_errors(epsilon: float) -> np.ndarray:
-    """Median over nine targets of the landing by the NLP's smoothed model against the exact one:
-    x [m], theta [rad]. Of single throws it differs three times either way."""
-    mesh = {"epsilon": epsilon, "integrator": "rk4", "opening": 20, "substeps": 6, "grading": 1.0}
-    planner, errors = tp.Planner(varied(tp.load_scene("hand-flip"), mesh=mesh)), []
-    target = planner.scene.target
-    for step in np.linspace(-0.1, 0.1, 9):
-        aim = target.in_plane(target.plane_x + step, target.theta)
-        throw = planner.plan(aim, solver="fatrop", patience=90.0).throw
-        (x, _, theta), exact = throw.planned_landing, throw.exact.landing
-        errors.append((abs(x - exact.x), abs(theta - exact.theta)))
-    return np.median(errors, axis=0)
-
-
-@pytest.mark.slow
-def test_nlp_lands_where_the_exact_model_does_as_the_rounding_goes() -> None:
-    """Two implementations: shooting with the rounded law, and stepping with the sharp one."""
-    rough, fine = model_errors(0.03), model_errors(0.01)
-    assert (fine <= (5e-5, math.radians(0.06))).all()
-    # Of an order near two in the rounding.
-    assert (rough > 3**1.5 * fine).all()
-
-
 @pytest.mark.parametrize("name", ["hand-flip", pytest.param("pose", marks=pytest.mark.slow)])
 def test_collocation_lands_where_runge_kutta_does(name: str) -> None:
     """Two integrators of the same smooth law, along the same hand motion."""

@@ -12,7 +12,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import nlp_of, varied
+from builders import varied
 from throwplan.models import Trajectory
 from throwplan.models.robot import LinkCapsule
 from throwplan.planner.clearance import CollisionScene, contacts, held_bar, overlap
@@ -81,36 +81,12 @@ def test_links_next_to_the_base_keep_off_bodies_beside_the_arm(pose, free) -> No
         assert (overlap(scene, make_manipulator(scene), q)[1] > 0.0) == beside
 
 
-def test_a_scene_without_obstacles_builds_the_same_nlp(pose):
-    scenes = pose, varied(pose, arm={"capsules": ()}), pose.replace(obstacle=(WALL,))
-    assert len({nlp_of(scene).size for scene in scenes}) == 1
-
-
 def test_a_throw_goes_over_a_wall(free, around):
     assert free.solved and around.solved
     hit = dataclasses.replace(free.throw.deciding, scene=around.throw.deciding.scene)
     assert {c.other for c in contacts(hit)} == {"wall"}
     assert not contacts(around.throw.deciding)
     assert oracle_of(around).judge(planned=True).broken() == [()]
-
-
-def test_an_obstacle_that_nothing_touches_changes_no_plan(tmp_path) -> None:
-    """Into a cup that no sampled release but those drawn towards it leads to."""
-    text = """
-    object = { mass = 0.2, length = 0.22, width = 0.02, com = 0.09 }
-    contact = { friction = 0.9, patch_radius = 0.003 }
-    gripper = { force = 400, dwell = 0.05, opening = 0.05 }
-    robot = { arm = "panda" }
-    target = { x = 1.1, z = 0.15, theta_deg = -90 }
-    cup = { rim = 0.05, radius = 0.06, depth = 0.15, clearance = 0.005, insertion = 0.03 }
-    """
-    far = Obstacle("far", "capsule", (0.05, 0.3), (0.85, 5.0, 0.2))
-    (tmp_path / "near.toml").write_text(text, encoding="utf-8")
-    scene = tp.load_scene(tmp_path / "near.toml")
-    plans = [
-        tp.Planner(one, library=False).plan() for one in (scene, scene.replace(obstacle=(far,)))
-    ]
-    assert plans[0].solved and plans[1].solved, plans[1].message
 
 
 def test_an_obstacle_stands_in_the_base_frame(free, pose):

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import varied
-from throwplan.planner.ocp import Request, build_nlp, window_of
-from throwplan.planner.search import initial_guess_from
-from throwplan.planner.sweep import QUIET_MESH, Sweep
+from throwplan.planner.ocp import window_of
+from throwplan.planner.sweep import Sweep
 from throwplan.planner.throw import friction_use
-from throwplan.problems import Distribution, Robust, Uncertainty
+from throwplan.problems import Distribution, Uncertainty
 
 
 def scaled_spread(plan: tp.Plan) -> float:
@@ -168,33 +167,3 @@ def test_errors_of_com_and_grasp_are_planned_against() -> None:
     with_delay, scene = planned("hand-flip", None, "quiet"), planner_of("hand-flip", known).scene
     blind = scaled_spread(dataclasses.replace(with_delay, scene=scene))
     assert spread[1] < min(spread[0], 0.9 * blind)
-
-
-def test_window_follows_the_uncertainty() -> None:
-    scene = tp.load_scene("delay")
-    window = window_of(scene)
-    # 10 ms of delay either way, and a fifth of the opening's 50 ms at the end.
-    assert (window.early, window.late) == (2, 4)
-    assert window.step == pytest.approx(0.005)
-    assert sorted(window.delays) == pytest.approx([-0.01, -0.005, 0.01, 0.02])
-    short = window_of(scene.replace(robust=Robust(early=0.0, late=0.004)))
-    assert (short.early, short.late, short.step) == (0, 1, pytest.approx(0.004))
-
-
-def test_a_throw_of_another_mesh_is_a_start_of_the_scenarios(nominal) -> None:
-    """Robust NLPs have other opening intervals than the throw they start from."""
-    throw = nominal.throw
-    scene = nominal.scene.replace(mesh=QUIET_MESH)
-    assert scene.mesh.opening != throw.layout.structure.opening
-    window = window_of(scene)
-    request = Request(scene, nominal.manipulator, nominal.target, robust="scenarios")
-    nlp = build_nlp(request)
-    x = initial_guess_from(nlp, throw, request)
-    assert np.isfinite(x).all()
-    detach = nlp.structure.detach
-    for name in ("rel", "t_f"):
-        old = throw.layout.block(throw.solution.x, name, throw.layout.structure.detach)
-        assert nlp.block(x, name, detach) == pytest.approx(old)
-    # An opening that is late has hardly moved when the planned one is over, an early one is on.
-    early, late = (nlp.block(x, "rel", detach, i) for i in (1, len(window.delays)))
-    assert np.abs(late).max() < np.abs(early).max()

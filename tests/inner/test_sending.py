@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from functools import cache
 
@@ -116,24 +115,6 @@ def test_a_motion_within_the_limits_is_sent_as_planned(jerk: float) -> None:
     planned = even(jerk)
     sent = assert_followed(panda(), planned)
     assert sent.q[:7] == pytest.approx(planned.at(TICK * np.arange(7)).pose.T, abs=0)
-
-
-def test_what_breaks_a_limit_is_left_to_ruckig() -> None:
-    planned = even(0.9)
-    # Jerk beyond the limit in the third piece, 3 to 4.5 ms.
-    given = planned.given.copy()
-    given[0, 1, 2] *= 1.2
-    broken = dataclasses.replace(planned, given=given)
-    sent = assert_followed(panda(), broken)
-    assert sent.q[:3] == pytest.approx(broken.at(TICK * np.arange(3)).pose.T, abs=0)
-
-
-@pytest.mark.parametrize("size", [1e-10, 1e-7])
-def test_gaps_that_a_solver_leaves_change_nothing(size: float, cup_plan: tp.Plan) -> None:
-    planned, rng = cup_plan.throw.planned, np.random.default_rng(0)
-    given = planned.given.copy()
-    given[-2:, :, 1:] += size * rng.uniform(-1, 1, given[-2:, :, 1:].shape)
-    assert_followed(cup_plan.manipulator, dataclasses.replace(planned, given=given))
 
 
 def names(samples: Samples) -> list[str]:

@@ -48,18 +48,6 @@ def test_what_each_section_costs() -> None:
     assert not [name for name in full.parameters.blocks if name.startswith("palm")]
 
 
-def test_com_grasp_with_open_angle_has_no_pivot_states() -> None:
-    scene = tp.load_scene("hand-box")
-    off_centre = varied(scene, grasp={"offset": 0.05})
-    assert nlp_of(off_centre).size[0] - nlp_of(scene).size[0] == (2 + 2) * scene.mesh.opening
-
-
-def test_torque_adds_rows_only() -> None:
-    scene = tp.load_scene("flip")
-    without, limited = nlp_of(scene), nlp_of(scene.replace(torque=Torque()))
-    assert limited.size[0] == without.size[0] and limited.size[1] > without.size[1]
-
-
 # Throws that break something.
 
 
@@ -77,13 +65,6 @@ def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan) -> 
     }
     for words, change in changes.items():
         assert words in verdict(checked(cup_plan, **change)).words
-
-
-@pytest.mark.slow
-def test_planner_takes_no_throw_that_breaks_the_workspace() -> None:
-    """The NLP knows nothing of the palm: the check alone must keep such throws out."""
-    plan = tp.plan(varied(tp.load_scene("pose"), workspace={"palm_clearance": 2.0}))
-    assert plan.status == "not_converged" and "palm" in plan.message
 
 
 @pytest.mark.slow
@@ -141,14 +122,6 @@ def test_the_arms_own_limits_are_kept_with_rows_where_a_throw_breaks_them() -> N
     assert plan.solved and "torque" in plan.throw.refinement.lazy
     assert plan.constraints > nlp_of(weak).size[1]
     assert 0.9 < plan.to_dict()["torque"]["use"] <= 1.0
-
-
-def test_an_arm_without_masses_has_no_torques() -> None:
-    scene = tp.load_scene("pose")
-    bare = varied(scene, arm={"links": ()})
-    assert set(nlp_of(bare).parameters.blocks) == set(nlp_of(scene).parameters.blocks)
-    plan = tp.plan(bare)
-    assert plan.solved and "torque" not in plan.to_dict()
 
 
 def test_limits_that_bind_change_the_throw(cup_plan) -> None:

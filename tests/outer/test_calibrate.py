@@ -170,6 +170,17 @@ def test_the_region_covers_new_throws_of_any_distribution(plans, tmp_path):
 # Plans with a calibration.
 
 
+def test_without_the_section_nothing_is_added(plans):
+    found = plans[1][1].to_dict()
+    assert "calibration" not in found
+    assert "your throws" not in plans[1][1].summary()
+    other = tp.Planner(tp.load_scene("pose").replace(calibration=calibration()), library=False)
+    again = other.plan().to_dict()
+    assert again["nlp"] == found["nlp"]
+    assert again["calibration"]["holds"] and again["calibration"]["bias"]["x"] == BIAS[0]
+    assert again["calibration"]["aim"]["x"] == pytest.approx(1.17)
+
+
 def test_a_replay_compares_landings_without_the_bias():
     pytest.importorskip("mujoco")
     plan = tp.plan(tp.load_scene("pose").replace(calibration=calibration()))
@@ -356,6 +367,43 @@ def test_wrong_files_and_options_are_refused(refused, plans, tmp_path):
         assert "--level" in refused(f"calibrate --scene pose --level {level}", path)
     with pytest.raises(tp.InputError, match="recordings"):
         tp.calibrate(path, "pose", fit=True)
+
+
+def test_another_object_or_grip_is_refused(recorded, plans, tmp_path):
+    path = tmp_path / "throws.csv"
+    throws_file(plans, path, 9)
+    data, scene = recorded
+    pose = tp.load_scene("pose")
+    heavy = pose.replace(object=dataclasses.replace(pose.object, mass=0.3))
+    with pytest.raises(tp.InputError, match="mass"):
+        tp.calibrate(path, heavy)
+    with pytest.raises(tp.InputError, match="force"):
+        tp.calibrate(path, scene)
+    with pytest.raises(tp.InputError, match="force"):
+        tp.calibrate(data, pose)
+    points = scene.replace(contact=dataclasses.replace(scene.contact, shape="two-points"))
+    with pytest.raises(tp.InputError, match="shape"):
+        tp.calibrate(data, points)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"throws": 8}, "at least 9"),
+        ({"level": 1.2}, "level = 1.2"),
+        ({"speed": (3.0, 2.0)}, "speed"),
+        ({"x": 40.0}, "x = 40"),
+        ({"model": "patch"}, "model = 'patch'"),
+    ],
+)
+def test_wrong_sections_are_refused(changes, words):
+    with pytest.raises(tp.InputError, match=words):
+        calibration(**changes)
+
+
+def test_a_given_motion_has_no_calibration():
+    with pytest.raises(tp.InputError, match=r"\[calibration\]: only for a scene with \[hand\]"):
+        tp.load_scene("drop").replace(calibration=calibration())
 
 
 def test_a_known_mean_delay_is_no_bias() -> None:

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 import runpy
 import shlex
-import shutil
-import subprocess
-import sys
-import textwrap
 import tomllib
 from functools import cache
 from pathlib import Path
@@ -133,58 +128,3 @@ def test_python_of_the_readme_runs(tmp_path, monkeypatch) -> None:
         exec(compile(code, "README.md", "exec"), found)
     assert found["plan"].status == "solved"
     assert len(commands_of(text)) >= 5
-
-
-#: Plans `pose` without a ceiling and with one of 0.7 m; prints how high [m] the flights rise.
-RISES = """
-import dataclasses
-import throwplan as tp
-from throwplan.planner.verdict import verdict
-scene = tp.load_scene("pose")
-for ceiling in (None, 0.7):
-    workspace = dataclasses.replace(scene.workspace, ceiling=ceiling)
-    plan = tp.Planner(scene.replace(workspace=workspace), library=False).plan()
-    thrown = plan.throw.deciding.release.detach
-    top = thrown.z + max(thrown.v_z, 0.0) ** 2 / (2 * scene.gravity)
-    low = dataclasses.replace(scene.workspace, ceiling=top - 0.01)
-    final = dataclasses.replace(plan.throw.deciding, scene=plan.scene.replace(workspace=low))
-    print(plan.status, top, *(code.value for code in verdict(final).codes))
-"""
-
-
-@pytest.mark.slow
-def test_the_ceiling_of_the_page_for_contributors_does_what_it_says(tmp_path: Path) -> None:
-    """Its code is set into a copy of the package."""
-    text = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
-    text = text[text.index("### A constraint") : text.index("### An arm")]
-    term, key, use = re.findall(r"^```python\n(.*?)^```", text, flags=re.M | re.S)
-    package = tmp_path / "throwplan"
-    shutil.copytree(Path(tp.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    terms = package / "planner" / "ocp" / "terms"
-    (terms / "ceiling.py").write_text(term, encoding="utf-8")
-    code = (terms / "__init__.py").read_text(encoding="utf-8")
-    code = re.sub(r"^(TERMS\b.* = \[)", r"\1\n    Ceiling,", code, flags=re.M)
-    code = code.replace("\n\nTERMS", "\nfrom .ceiling import Ceiling\n\nTERMS")
-    (terms / "__init__.py").write_text(code, encoding="utf-8")
-    code = (package / "problems" / "targets.py").read_text(encoding="utf-8")
-    before, section, after = code.partition("class Workspace(Section):")
-    fields, method, rest = after.partition("    def ")
-    fields += textwrap.indent(key, "    ") + "\n" + method
-    (package / "problems" / "targets.py").write_text(before + section + fields + rest, "utf-8")
-    judge = package / "planner" / "verdict"
-    code = (judge / "findings.py").read_text(encoding="utf-8")
-    member = '    CEILING = "ceiling", "rise above the ceiling", "a higher ceiling"'
-    code = re.sub(r"^    UNCERTAIN =", rf"{member}\n    UNCERTAIN =", code, flags=re.M)
-    sentence = 'Code.CEILING: lambda f: f"ceiling: {f.value:.2f} m",'
-    code = re.sub(r"^(_SENTENCES: .* = {)", rf"\1\n    {sentence}", code, flags=re.M)
-    (judge / "findings.py").write_text(code, encoding="utf-8")
-    code = (judge / "landing.py").read_text(encoding="utf-8")
-    code = code.replace("    return uses\n", use + "    return uses\n")
-    (judge / "landing.py").write_text(code, encoding="utf-8")
-    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
-    said = subprocess.check_output([sys.executable, "-c", RISES], env=environment, text=True)
-    (free, high, *over), (kept, low, *beyond) = (line.split() for line in said.splitlines())
-    assert over == beyond == ["ceiling"]
-    assert free == kept == "solved" and float(low) < 0.7 < float(high)
-    (claimed,) = re.findall(r"rises to ([\d.]+) m instead of ([\d.]+) m", text)
-    assert [f"{float(low):.2f}", f"{float(high):.2f}"] == list(claimed)

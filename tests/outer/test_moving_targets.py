@@ -145,14 +145,6 @@ def test_a_throw_may_come_neither_late_nor_early(pose_planner, tmp_path) -> None
     assert [one.code.value for one in verdict(early, plan.target).broken] == ["arrival"]
 
 
-def test_a_quicker_throw_at_any_time_bears_delays_as_in_a_sweep(pose_planner) -> None:
-    """It is aimed at an early time of its own, which nobody asked for."""
-    loose = pose_planner.scene.changed(tolerance=tp.Tolerance(position=0.02, angle=0.3))
-    plan = tp.Planner(loose, library=False).plan(tp.Pose(2.4, 0.1, None, velocity=(-2.0,)))
-    assert plan.solved and plan.scene.aim.arrival is None
-    assert vars(plan.delay.scan) == tp.sweep(plan, samples=1).to_dict()["delay_inside"]
-
-
 def test_what_a_delay_changes_is_relative_to_the_target(plan_of) -> None:
     plan = plan_of("conveyor")
     throw, said = plan.throw.deciding, plan.delay.to_dict()["landing"]

@@ -227,17 +227,6 @@ def test_out_of_reach_exits_3_with_why_and_the_nearest(tmp_path, run) -> None:
     assert json.loads((out / "plan.json").read_text())["message"] == answer["message"]
 
 
-def test_above_all_throws_no_landing_is_named(hand_box) -> None:
-    """The hand rises to 1.1 m at most and throws 3 m/s up: 1.56 m is the highest of all."""
-    high = hand_box.plan(tp.Pose(x=1.2, z=1.9))
-    assert (high.status, high.binding, high.nearest) == ("out_of_reach", ("landing height",), None)
-    highest = float(high.message.split("at most about ")[1].split(" m")[0])
-    assert 1.2 < highest < 1.57
-    # Another throw may rise a little higher than the samples do.
-    unsure = hand_box.plan(tp.Pose(x=1.2, z=highest + 0.1))
-    assert (unsure.status, unsure.binding, unsure.nearest) == ("not_converged", high.binding, None)
-
-
 def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
     far = hand_box.plan(tp.Pose(x=5.0, z=0.0))
     # IPOPT would come last, and never ran.
@@ -250,20 +239,6 @@ def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
     assert nearest.x < 0.25 + 3.0 * flight
     for step, status in ((-0.005, "solved"), (0.01, "out_of_reach")):
         assert hand_box.plan(tp.Pose(x=nearest.x + step, z=0.0)).status == status
-
-
-def test_a_target_beside_one_thrown_to_is_thrown_to(near_wall) -> None:
-    """Of two targets 5 mm apart behind a wall a planner without a library reaches both: sampled
-    starts and elastic landings lead to none at the second, and the throw to the first does."""
-    for away in (0.195, 0.2):
-        target = near_wall.scene.target.shifted(0.0, away / near_wall.scene.object.half_length)
-        assert near_wall.plan(target).solved
-
-
-@pytest.fixture
-def near_wall() -> tp.Planner:
-    wall = tp.Obstacle(name="wall", kind="box", size=(0.06, 0.5, 0.3), position=(0.75, 0.0, 0.15))
-    return tp.Planner(tp.load_scene("pose").replace(obstacle=(wall,)), library=False)
 
 
 @cache

@@ -98,16 +98,11 @@ def test_simulate_takes_pieces_and_samples(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("motion", "words"),
     [
-        ("times = [0.0]\n", "times: has 1 entries, accelerations has 0"),
         ("times = [0.01]\naccelerations = [[0, 0, 0]]\n", "times: must start at 0"),
-        ('table = "absent.csv"\n', "absent.csv: no such file"),
         ('table = "short.csv"\n', "four samples"),
         ('table = "back.csv"\n', "t must rise"),
         ('table = "nan.csv"\n', "nan.csv: line 3: x = 'nan': must be a finite number"),
-        ('table = "columns.csv"\n', "must name the columns t, x, z and theta"),
         ('table = "good.csv"\nopening_time = 0.08\n', "the samples cover"),
-        ('joints = "good.csv"\n', "joints and arm: give both"),
-        ('joints = "good.csv"\narm = "pandaa"\n', "did you mean 'panda'"),
     ],
 )
 def test_bad_motions_are_one_clear_line(tmp_path, capsys, motion, words) -> None:
@@ -117,7 +112,6 @@ def test_bad_motions_are_one_clear_line(tmp_path, capsys, motion, words) -> None
         "good": f"t,x,z,theta\n{rows}\n",
         "back": f"t,x,z,theta\n{rows}\n0.05,0,0,0\n",
         "nan": "t,x,z,theta\n0,0,0,0\n0.1,nan,0,0\n",
-        "columns": "time,x,z,theta\n0,0,0,0\n",
     }.items():
         (tmp_path / f"{name}.csv").write_text(text)
     status = main(["simulate", str(scene_with(tmp_path, motion))])

@@ -11,7 +11,7 @@ from release_cases import STILL, VALUES, expected
 from scipy.interpolate import PPoly
 
 from oracle import shapes
-from oracle.motion import Curve, Plane, frames_of, parabolas
+from oracle.motion import Curve
 from oracle.release import Held, released
 
 #: Landing of the reference [m], [rad] that the oracle must meet, 1 m below the hand.
@@ -85,41 +85,6 @@ def test_torques_give_the_links_their_energy(name: str) -> None:
     assert np.abs(power - change).max() < 1e-4 * np.abs(change).max()
 
 
-@pytest.mark.parametrize("name", ["pose", "fr3", "gen3"])
-def test_hand_moves_as_its_frames_do(name: str) -> None:
-    """Pose of the pads' centre in space, and rates by differences."""
-    motion = swinging(name)
-    t, step = np.linspace(0.05, 0.35, 40) + 1e-4, 1e-5
-    pose, twist, acceleration = motion.hand.at(t)
-    pads = frames_of(motion.arm, *motion.joints.at(t))[-1]
-    along, _ = motion.plane.ways
-    axis = pads.axes[:, :, 2]
-    there = [pads.origin @ along, pads.origin[:, 2], np.cos(pose[:, 2]), np.sin(pose[:, 2])]
-    assert np.allclose([*pose[:, :2].T, axis @ along, axis[:, 2]], there, atol=1e-7)
-    before, after = (motion.hand.at(t + s)[0] for s in (-step, step))
-    assert np.allclose(twist, (after - before) / (2 * step), atol=1e-5)
-    assert np.allclose(acceleration, (after - 2 * pose + before) / step**2, atol=1e-3)
-
-
-def test_steps_of_acceleration_are_found_again() -> None:
-    random = np.random.default_rng(0)
-    breaks = np.cumsum(np.append(0.0, random.uniform(0.003, 0.02, 12)))
-    a, pieces, q, v = random.uniform(-30, 30, (12, 3)), [], np.zeros(3), np.zeros(3)
-    for each, length in zip(a, np.diff(breaks), strict=True):
-        pieces.append([each / 2, v, q])
-        q, v = q + length * (v + length / 2 * each), v + length * each
-    true = Curve(PPoly(np.array(pieces).transpose(1, 0, 2), breaks))
-    ticks = np.arange(0.0, breaks[-1], 1e-3)
-    rounded = (np.round(values, 11) for values in true.at(ticks))
-    found = Curve(parabolas(ticks, *rounded))
-    dense = np.linspace(0.0, ticks[-1], 5003)
-    assert np.abs(found.at(dense)[0] - true.at(dense)[0]).max() < 1e-9
-    inner = breaks[1:-1][breaks[1:-1] < ticks[-1]]
-    assert np.abs(found.steps[:, None] - inner).min(axis=0).max() < 1e-9
-    # All three axes step at once: no instant has some of them only.
-    assert np.diff(np.sort(found.steps)).min() > 1e-4
-
-
 # Distances, by many points.
 
 
@@ -165,8 +130,3 @@ def test_distances_are_those_of_the_nearest_points(seed: int) -> None:
 
     beyond = np.maximum(np.abs(edges[0][:, 0]) - 0.2, edges[0][:, 1] - 0.4).min()
     assert abs(shapes.from_column(one, 0.2, 0.4)[0] - beyond) < 2e-3
-
-
-def test_a_plane_is_turned_and_beside_the_axis() -> None:
-    point = Plane(np.pi / 2, 0.1).points(np.array(1.0), np.array(0.3))
-    assert np.allclose(point, [-0.1, 1.0, 0.3])
