@@ -157,7 +157,6 @@ HAND | target.y: 0.1 | [target]; y; [robot]
 ROBOT | robot.arm: "pandas" | [robot]; 'pandas'; 'panda'?
 ROBOT | robot.start_deg: [-45, -135] | start_deg; 135; 3
 ROBOT | robot.start_deg: [-45.0, 10.0, 90.0] | start_deg; joint 4; 10.0; [-176.0, -4.0]
-ROBOT | robot.tool_speed: 2.5 | [robot] tool_speed = 2.5; at most 2 m/s; arms/panda.toml
 ROBOT | robot.throwing_joints: [2, 4, 8] | throwing_joints; 8; 7
 CUP | cup.radius: 0.01 | radius = 0.01; above 0.01887
 CUP | target.theta_deg: - | [cup]; theta_deg

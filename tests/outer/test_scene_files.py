@@ -177,12 +177,10 @@ def test_another_arm_or_gripper_is_loaded() -> None:
     assert other.replace(gravity=9.8).arm is other.arm
     own = dataclasses.replace(other.arm, name="own")
     assert scene.replace(robot=tp.Robot(arm="panda"), arm=own).arm is own
-    for changes in (
-        {"robot": tp.Robot(arm="iiwa41")},
-        {"gripper": tp.Gripper(file="iiwa41", force=100.0, dwell=0.05, opening=0.05)},
-    ):
-        with pytest.raises(tp.InputError, match=r"iiwa41.*shipped: "):
-            scene.replace(**changes)
+    with pytest.raises(tp.InputError, match=r"iiwa41.*shipped: "):
+        scene.replace(robot=tp.Robot(arm="iiwa41"))
+    with pytest.raises(tp.InputError, match=r"iiwa41.*shipped: "):
+        tp.Gripper(file="iiwa41", force=100.0, dwell=0.05, opening=0.05)
 
 
 def test_a_cup_without_x_stands_at_the_target() -> None:
@@ -470,4 +468,4 @@ def test_sections_of_defaults_alone_are_kept_in_tables() -> None:
         tp.load_scene("cup").replace(robust=tp.Robust(), torque=tp.Torque(), choice=tp.Choice()),
         tp.load_scene("drop"),
     ):
-        assert scene_from_table(scene.table()) == scene
+        assert scene_from_table(scene.table()).unnamed == scene.unnamed
