@@ -24,5 +24,7 @@ def imported(folder: Path, urdf: Path, joints: list[str], *options: str):
     words = ["import-robot", str(urdf), "--joints", *joints, *options, "--out", str(out)]
     assert main(words) == 0
     text = re.sub(r"start_deg = .*", "", tp.scene_text("pose"))
+    # The grip of the scene's gripper, without its file: the arm may have a hand.
+    text = text.replace('file = "franka-hand"', "dwell = 0.05\nopening = 0.05")
     (folder / "scene.toml").write_text(text.replace('arm = "panda"', 'arm = "arm.toml"'))
     return tp.load_scene(folder / "scene.toml").arm

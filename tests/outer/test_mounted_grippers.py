@@ -51,7 +51,7 @@ def six_axes(folder: Path, wide: float = 0.07, hand: str = "", mesh: str = "") -
 def scene_with(folder: Path) -> Path:
     """A scene with the shipped gripper on the arm of `arm.toml`."""
     text = tp.scene_text("pose").replace('arm = "panda"', 'arm = "arm.toml"')
-    text = text.replace("[gripper]", '[gripper]\nfile = "robotiq-2f-85"')
+    text = text.replace('file = "franka-hand"', 'file = "robotiq-2f-85"')
     text = re.sub(r"start_deg = .*", "", text)
     (folder / "scene.toml").write_text(text)
     return folder / "scene.toml"
@@ -79,7 +79,7 @@ def test_a_clearance_to_a_hand_without_palm_and_shapes_is_refused() -> None:
 
 
 def test_a_palm_from_back_to_front_is_refused(tmp_path, refused) -> None:
-    text = tp.scene_text("pose").replace("[gripper]", '[gripper]\nfile = "hand.toml"')
+    text = tp.scene_text("pose").replace('file = "franka-hand"', 'file = "hand.toml"')
     (tmp_path / "scene.toml").write_text(text)
     hand = (Path(arms.__file__).parent / "grippers" / "robotiq-2f-85.toml").read_text("utf-8")
     for end, value in (("back", "0.05"), ("front", "0.145")):

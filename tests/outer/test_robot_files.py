@@ -92,7 +92,7 @@ def test_limits_that_do_not_hold_the_arm_are_refused_by_import_and_scene(
     (tmp_path / "arm.toml").write_text(weak_text)
     scene = tmp_path / "scene.toml"
     line = refused("plan", scene)
-    assert "joint 2 needs up to" in line and "its limit is 1 N m" in line
+    assert "joint 2 needs up to" in line and "its limit less the margin is 0.9 N m" in line
     assert "[limits] torque in the arm's file or [torque] limits" in line
     # In a given start the torque is the weights' about the joint.
     start = np.array([0.3, -0.2, 0.4])

@@ -161,12 +161,15 @@ def test_a_gripper_file_replaces_the_hand_only_and_names_it(hand, tool, tmp_path
     assert own.links[-1].mass == pytest.approx(0.9 * hand)
 
 
-def test_a_plan_says_which_hand_the_gripper_took_the_place_of(tmp_path) -> None:
-    text = tp.scene_text("pose").replace("[gripper]", '[gripper]\nfile = "robotiq-2f-85"')
+def test_a_plan_says_which_hand_the_gripper_took_the_place_of(tmp_path, run) -> None:
+    out = ["--out", tmp_path / "arm.toml"]
+    assert run("import-robot", handy(tmp_path, True), "--tool", "mount", *OPTIONS, *out).status == 0
+    text = tp.scene_text("pose").replace('arm = "panda"', 'arm = "arm.toml"')
+    text = text.replace('file = "franka-hand"', 'file = "robotiq-2f-85"')
     (tmp_path / "scene.toml").write_text(text)
     scene = tp.load_scene(tmp_path / "scene.toml")
     notes = [note for note in scene.notes if "takes the place" in note]
-    assert len(notes) == 1 and "0.713 kg" in notes[0]
+    assert len(notes) == 1 and "0.9 kg" in notes[0]
 
 
 # Units and extents of meshes.
