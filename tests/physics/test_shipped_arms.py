@@ -108,7 +108,7 @@ def test_no_published_mesh_is_in_an_obstacle_at_a_corner(name):
 
 def test_any_arm_carries_a_gripper_that_the_scene_names(tmp_path):
     (tmp_path / "mine.toml").write_text(
-        tp.scene_text("pose").replace("[gripper]", '[gripper]\nfile = "robotiq-2f-85"')
+        tp.scene_text("pose").replace("franka-hand", "robotiq-2f-85")
     )
     scene, panda, other = tp.load_scene(tmp_path / "mine.toml"), load_arm("panda"), load_arm("ur5e")
     assert scene.arm.tool == dataclasses.replace(
@@ -119,7 +119,7 @@ def test_any_arm_carries_a_gripper_that_the_scene_names(tmp_path):
     hand = [dataclasses.replace(c, link=8) for c in other.capsules if c.link == other.joints + 1]
     assert scene.arm.capsules == (*kept, *hand)
     # What the scene says of the grip goes before the file.
-    assert scene.gripper.opening == tp.load_scene("pose").gripper.opening
+    assert scene.gripper.force == tp.load_scene("pose").gripper.force
     named = tmp_path / "mine.toml"
     named.write_text(named.read_text().replace("2f-85", "2f-58"))
     with pytest.raises(tp.InputError, match=r"gripper.*did you mean 'robotiq-2f-85'"):
