@@ -398,9 +398,7 @@ def test_letting_go_at_rest_is_never_out_of_reach(name, hand, opening, target) -
     assert tp.plan(scene, target).status != "out_of_reach"
 
 
-@pytest.mark.parametrize(
-    "method", ["quiet", "auto", pytest.param("scenarios", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("method", ["auto", pytest.param("scenarios", marks=pytest.mark.slow)])
 def test_a_robust_plan_scatters_a_tenth(method, planner_of, plan_of) -> None:
     plan = planner_of("delay").plan(robust=method)
     answer = plan.to_dict()

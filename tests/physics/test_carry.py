@@ -364,9 +364,9 @@ def test_the_grip_is_judged_between_samples_too() -> None:
     at_samples, path = grip_use(space, samples).use.max(), samples.path.at(np.array([1.5e-3]))
     between = grip_use(space, Samples(*(rows.T for rows in path))).use.max()
     assert between > 1.02 * at_samples
-    weaker = varied(scene, gripper={"force": 120.0 * (at_samples + between) / 2})
+    weaker = varied(scene, gripper={"force": 70.0 * (at_samples + between) / 2})
     assert Code.CARRY in judged(weaker, samples).codes
-    enough = varied(scene, gripper={"force": 120.0 * 1.001 * between})
+    enough = varied(scene, gripper={"force": 70.0 * 1.001 * between})
     assert Code.CARRY not in judged(enough, samples).codes
 
 
