@@ -319,9 +319,9 @@ def test_an_edited_cycle_is_not_sent(cycled, tmp_path, refused) -> None:
     column = lines[0].split(",").index("dq1")
     rows = [line.split(",") for line in lines]
     for row in rows[1:]:
-        row[column] = str(0.5 * float(row[column]))
+        row[column] = str(5.0 * float(row[column]))
     (folder / "motion.csv").write_text("\n".join(",".join(row) for row in rows) + "\n")
-    assert "not sent, joint 1" in refused("export", folder, "--ros", tmp_path / "bag")
+    assert "not sent" in refused("export", folder, "--ros", tmp_path / "bag")
     folder = Path(shutil.copytree(cycled, tmp_path / "early"))
     table = json.loads((folder / "cycle.json").read_text())
     table["steps"][0]["definition"]["gripper"]["dwell"] = 1.0

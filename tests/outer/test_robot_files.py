@@ -97,7 +97,8 @@ def test_limits_that_do_not_hold_the_arm_are_refused_by_import_and_scene(
     # In a given start the torque is the weights' about the joint.
     start = np.array([0.3, -0.2, 0.4])
     degrees = np.degrees(start).tolist()
-    scene.write_text(scene.read_text().replace("[robot]", f"[robot]\nstart_deg = {degrees}"))
+    text = scene.read_text().replace("force = 70.0", "force = 120.0")
+    scene.write_text(text.replace("[robot]", f"[robot]\nstart_deg = {degrees}"))
     words = r"joint 2 needs ([\d.]+) N m to hold the arm and the object at rest in \[robot\] start"
     said_torque = float(re.search(words, refused("plan", scene))[1])
     q = np.array(arm.posture)

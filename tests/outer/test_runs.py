@@ -347,7 +347,7 @@ def test_a_robot_that_does_not_answer(plan, refused, tmp_path) -> None:
     ("spoilt", "words"),
     [
         (lambda rows: rows[:120], "the recording ends at 0.118 s, before the pads are open"),
-        (lambda rows: rows[:320], "record until the arm rests, or until the landing"),
+        (lambda rows: rows[:370], "record until the arm rests, or until the landing"),
         (lambda rows: rows[:1] + rows[150:], "does not begin at rest"),
         (lambda rows: rows[:1], "t must rise over at least two rows"),
         (lambda rows: [rows[0].replace("sent3", "sent9"), *rows[1:]], "sent3 is missing"),

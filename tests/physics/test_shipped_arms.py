@@ -112,7 +112,7 @@ def test_any_arm_carries_a_gripper_that_the_scene_names(tmp_path):
     )
     scene, panda, other = tp.load_scene(tmp_path / "mine.toml"), load_arm("panda"), load_arm("ur5e")
     assert scene.arm.tool == dataclasses.replace(
-        panda.tool, tcp=0.145, palm_back=0.145, palm_front=0.05, palm_half_width=0.0375
+        other.tool, flange=panda.tool.flange, rotation=panda.tool.rotation
     )
     assert scene.arm.links == (*panda.links[:7], other.links[-1])
     kept = tuple(capsule for capsule in panda.capsules if capsule.link < 8)
