@@ -138,6 +138,7 @@ def test_a_stiff_throw_of_a_sweep_is_that_throw_by_itself() -> None:
         object=tp.Object(length=0.1062, com=0.0742, width=0.0221, mass=0.02017),
         contact=tp.Contact(friction=1.4968, patch_radius=0.044406, torsion=2.462, faces=3),
         gripper=tp.Gripper(times=times, forces=forces),
+        tolerance=tp.Tolerance(position=5e-4, angle=math.radians(0.2)),
         target=tp.Pose(1.452, -2.0, math.radians(92.9)),
     )
     plan = tp.Planner(scene, library=False).plan()

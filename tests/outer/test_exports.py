@@ -313,18 +313,17 @@ def test_what_does_not_take_a_cycle_says_so(cycled, tmp_path, refused, untouched
 
 
 def test_an_edited_cycle_is_not_sent(cycled, tmp_path, refused) -> None:
-    """Rates that are not those of the positions; an opening that comes before the grasp."""
+    """A joint that jumps; an opening that comes before the grasp."""
     folder = Path(shutil.copytree(cycled, tmp_path / "edited"))
     lines = (folder / "motion.csv").read_text().splitlines()
-    column = lines[0].split(",").index("dq1")
+    column = lines[0].split(",").index("q2")
     rows = [line.split(",") for line in lines]
-    for row in rows[1:]:
-        row[column] = str(5.0 * float(row[column]))
+    rows[100][column] = str(0.1 + float(rows[100][column]))
     (folder / "motion.csv").write_text("\n".join(",".join(row) for row in rows) + "\n")
     assert "not sent" in refused("export", folder, "--ros", tmp_path / "bag")
     folder = Path(shutil.copytree(cycled, tmp_path / "early"))
     table = json.loads((folder / "cycle.json").read_text())
-    table["steps"][0]["definition"]["gripper"]["dwell"] = 1.0
+    table["steps"][0]["definition"]["gripper"]["dwell"] = 1.9
     (folder / "cycle.json").write_text(json.dumps(table))
     said = refused("export", fit_gripper(folder), "--ros", tmp_path / "bag")
     assert "before it is held" in said

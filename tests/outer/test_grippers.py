@@ -108,7 +108,7 @@ def test_an_object_lost_before_the_start_pose_is_not_thrown(motion) -> None:
     assert not franka.gripper.orders
 
 
-@pytest.mark.parametrize(("after", "brakes"), [(-400, False), (60, True), (230, False)])
+@pytest.mark.parametrize(("after", "brakes"), [(-400, False), (60, True), (300, False)])
 def test_a_gripper_that_fails_leaves_no_arm_in_motion(motion, after, brakes) -> None:
     """On the way to the start pose, before the opening command, and after it."""
     way = approach(motion, simulated().robot.q)

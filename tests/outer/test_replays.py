@@ -238,12 +238,12 @@ def test_the_object_hits_the_hand_where_the_cycle_moves_it(cycled) -> None:
             return frames, hand
 
     fields = {one.name: getattr(cycle, one.name) for one in dataclasses.fields(Cycle)}
-    assert replay_cycle(Blocked(**fields)).replays[0].hits == ["hand (flying)"]
+    assert "hand (flying)" in replay_cycle(Blocked(**fields)).replays[0].hits
 
 
 def test_a_grip_too_weak_for_the_carry_turns_the_object(cycled) -> None:
     """As the verdict says of it."""
-    weak = with_grip(read_cycle(cycled), 0.5)
+    weak = with_grip(read_cycle(cycled), 0.3)
     assert "grip" in weak.verdict.words
     for one in replay_cycle(weak).replays:
         assert one.turn > math.radians(1) and not one.inside
