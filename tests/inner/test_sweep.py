@@ -168,7 +168,9 @@ def test_the_largest_delays_are_where_success_ends(posed) -> None:
 
 
 def test_no_delay_fails_in_a_wide_tolerance(posed) -> None:
-    wide = varied(posed.scene, tolerance={"position": 50.0, "angle": 100.0})
+    wide = varied(
+        posed.scene, tolerance={"position": 50.0, "angle": 100.0}, gripper={"force": 140.0}
+    )
     scan = tp.sweep(dataclasses.replace(posed, scene=wide), samples=8).delays
     assert (scan.early, scan.late) == (None, None)
     elsewhere = dataclasses.replace(posed, target=posed.target.changed(x=9.0))
