@@ -36,8 +36,9 @@ def without_slowing(scene: tp.Scene) -> tp.Scene:
 
 
 def joints_only(scene: tp.Scene) -> tp.Scene:
-    """The arm without tool speed and shape, which would bind before the joints' limits do."""
-    return varied(scene, limits={"tool_speed": None}, arm={"capsules": ()})
+    """The arm without recommendations and shape, which would bind before the joints' limits do."""
+    free = {"tool_speed": None, "torque_rate": None, "torque_margin": 0.0}
+    return varied(scene, limits=free, arm={"capsules": ()})
 
 
 @pytest.fixture(scope="module")
