@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from ...core.compile import scratch_folder
 from ...models import Array
@@ -206,6 +205,8 @@ def save_in_space(shown: SpaceThrow | SpaceCycle, kind: str, path: Path) -> None
         path.parent.mkdir(parents=True, exist_ok=True)
         with scratch_folder(path.parent) as scratch:
             if kind == "png":
+                from PIL import Image
+
                 Image.fromarray(_picture(shown)).save(scratch / path.name)
             else:
                 _encode(_film(shown), scratch / path.name)
