@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import throwplan as tp
-from builders import MADE_PRODUCT, made_throws, profile_bin
+from builders import MADE_PRODUCT, made_throws
 from throwplan import load_scene, scene_text
 from throwplan.models.release import TableGrip
 from throwplan.planner.identify import (
@@ -256,7 +256,19 @@ TRUTH = {"friction": 0.45, "patch_radius": 0.0045}
 def swings() -> tuple[tp.Plan, ...]:
     """Swings fast enough that a low-pass takes accelerations from them."""
     fast = tp.Torque(rate=1e5)
-    scene = profile_bin(cup=None, obstacle=(), target=tp.Pose(x=1.1, z=-0.15), torque=fast)
+    scene = tp.load_scene("cup").replace(
+        robot=tp.Robot(arm="panda"),
+        object=tp.Object(mass=0.11, length=0.22, width=0.02, com=0.11),
+        grasp=tp.Grasp(offset=0.025),
+        contact=tp.Contact(friction=0.6, patch_radius=0.006),
+        gripper=tp.Gripper(force=60.0, dwell=0.03, opening=0.04),
+        target=tp.Pose(x=1.1, z=-0.15),
+        cup=None,
+        torque=fast,
+        workspace=tp.Workspace(
+            floor=-0.48, column_radius=0.15, column_height=0.45, palm_clearance=0.005
+        ),
+    )
     planner = tp.Planner(scene)
     places = [(1.0, -60), (1.2, -50), (1.25, -70), (0.9, -90), (1.1, -90), (1.2, -30)]
     return tuple(planner.plan(tp.Pose(x, -0.15, math.radians(angle))) for x, angle in places)

@@ -23,7 +23,6 @@ import throwplan as tp
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from planar_urdf import ODD_OPTIONS, planar_urdf
-from test_scene_files import RICH
 
 #: Files by name, and the words of the command that reads them.
 Case = tuple[dict[str, bytes], list[str]]
@@ -37,7 +36,32 @@ class Shown(tuple):
         return f"{super().__repr__():.20000}"
 
 
-SCENES = {name: tomllib.loads(text) for name, text in RICH.items()}
+#: More sections of each manipulator's scene, in which a wrong value may stand.
+MORE = """
+[landing]
+speed_min = 1.0
+speed_max = 9.0
+rate_max = 8.0
+[mesh]
+carry = 10
+opening = 10
+epsilon = 0.03
+[cost]
+time = 5.0
+"""
+ARM_SECTIONS = """
+[grasp]
+offset = 0.01
+angle_deg = 5.0
+[torque]
+limits = [80.0, 80.0, 10.0]
+margin = 0.1
+"""
+SCENES = {
+    "near-cup": tomllib.loads(tp.scene_text("near-cup") + MORE + ARM_SECTIONS),
+    "hand-flip": tomllib.loads(tp.scene_text("hand-flip") + MORE),
+    "drop": tomllib.loads(tp.scene_text("drop")),
+}
 ARM = tomllib.loads((resources.files(tp) / "problems" / "arms" / "panda.toml").read_text("utf-8"))
 PLAN = ["plan", "scene.toml", "--patience", "0.001"]
 REFUSED = ["sweep", "scene.toml", "--samples", "0"]
