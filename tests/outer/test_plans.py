@@ -242,35 +242,6 @@ def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
 
 
 @cache
-def without_library(scene: str, number: int) -> tp.Planner:
-    """A planner by its number, so that one does not know what the other has named."""
-    return tp.Planner(scene, library=False)
-
-
-@pytest.mark.parametrize(
-    ("scene", "x", "degrees"),
-    [
-        # Beyond the reach, at an angle that no throw has there, and in the base column.
-        pytest.param("pose", 1.9, 30.0, marks=pytest.mark.slow),
-        pytest.param("pose", 0.8, -250.0, marks=pytest.mark.slow),
-        pytest.param("near-cup", 0.1, -90.0, marks=pytest.mark.slow),
-        pytest.param("near-cup", 0.9, 330.0, marks=pytest.mark.slow),
-        pytest.param("box", 2.5, None, marks=pytest.mark.slow),
-        pytest.param("ur5e", 2.6, 20.0, marks=pytest.mark.slow),
-    ],
-)
-def test_the_nearest_can_be_planned_by_another_planner(scene, x, degrees) -> None:
-    """No library: what is named has been thrown, so a search from nothing finds it too."""
-    one, other = without_library(scene, 1), without_library(scene, 2)
-    theta = None if degrees is None else math.radians(degrees)
-    plan = one.plan(one.scene.target.in_plane(x, theta), patience=90.0)
-    assert plan.status == "out_of_reach" and plan.binding, plan.message
-    again = other.plan(plan.nearest, patience=90.0)
-    assert again.solved, again.message
-    # Some of these come from an NLP whose landing may miss, which has variables of its own.
-    assert other.plan(plan.nearest, warm=again, patience=90.0).solved
-
-
 def test_no_motion_of_another_plan_stays(tmp_path, hand_box) -> None:
     """A second plan into the same folder that finds no throw: motion.csv is not its own."""
     hand_box.plan().save(tmp_path, draw=False)
