@@ -118,6 +118,8 @@ def compared(throw: Throw, oracle: Oracle, random: np.random.Generator) -> set[C
     near = {name for name, f in found.items() if abs(f.value[0] - f.limit[0]) < MOVED}
     near = {name for name in near if code_of(name) is Code.COLLISION}
     doubt = {code_of(name) for name, f in found.items() if f.doubtful[0] or name in near}
+    # The oracle judges no torque rate.
+    doubt.add(Code.TORQUE_RATE)
     true = {code_of(name) for name, f in found.items() if f.broken[0]}
     said = {code_of_finding(each) for each in verdict(other).broken}
     if Code.NO_LANDING in true:
