@@ -8,14 +8,6 @@ A scene is made of the sections of its file, each a class of that name: `tp.Obje
 `tp.Cup` is [cup]; `help(tp.Scene)` lists them. All is in SI units and radians.
 """
 
-# First: from here on a signal ends a command with one line, also while it is read.
-from .interrupts import INTERRUPTS, started_as
-
-if started_as("throwplan"):
-    INTERRUPTS.listen("throwplan")
-
-# isort: split
-
 from importlib.metadata import PackageNotFoundError, version
 
 from .planner.cycle import Cycle, plan_cycle, read_cycle, save_cycle

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from throwplan import InputError
-from throwplan.interrupts import INTERRUPTS, leave
-from throwplan.planner.cli import Parser, Progress
+from throwplan.interrupts import INTERRUPTED
+from throwplan.planner.cli import Parser, Progress, leave
 from throwplan.problems.files import prepare_folder
 
 from . import PAGE, SECTIONS, make_report
@@ -32,22 +32,16 @@ def main(words: Sequence[str] | None = None) -> int:
     add("--only", nargs="+", action="extend", default=[], metavar="SECTION", help=keys)
     add("--out", metavar="DIR", help=f"where to write (default: {KEPT}; with --quick {QUICK})")
     add("--json", action="store_true", help="print one JSON object, nothing else")
-    if words is None:
-        INTERRUPTS.listen("benchmarks")
     try:
-        INTERRUPTS.working = True
         options = parser.parse_args(words)
         out = options.out or (QUICK if options.quick else KEPT)
         return _run(Path(out), options.only, options.quick, options.json)
-    except (Exception, KeyboardInterrupt) as error:
-        if INTERRUPTS.is_cause(error):
-            return INTERRUPTS.end()
-        if not isinstance(error, InputError):
-            raise
+    except KeyboardInterrupt:
+        print("benchmarks: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except InputError as error:
         print(f"benchmarks: {error}", file=sys.stderr)
         return 2
-    finally:
-        INTERRUPTS.working = False
 
 
 def _run(out: Path, only: Sequence[str], quick: bool, as_json: bool) -> int:

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
-from throwplan.planner.workers import executor_of, set_up_worker, signals_deferred
+from throwplan.planner.workers import executor_of, set_up_worker, sigint_blocked
 
 T = TypeVar("T")
 
@@ -82,7 +82,7 @@ class _Worker:
         if self.pipe is None:
             # Spawn, as forking a process whose libraries have threads is not safe.
             context = get_context("spawn")
-            with signals_deferred():
+            with sigint_blocked():
                 self.pipe, theirs = context.Pipe()
                 process = context.Process(target=_serve, args=(theirs, self._work), daemon=True)
                 process.start()

@@ -7,6 +7,7 @@ import functools
 import math
 import time
 from collections.abc import Callable
+from concurrent.futures import Executor
 from pathlib import Path
 from threading import RLock
 from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unpack, get_args
@@ -228,7 +229,7 @@ class Planner:
         progress: Progress | None = None,
         *,
         workers: int | None = None,
-        scheduler: str | None = None,
+        executor: Executor | None = None,
     ) -> int:
         """Builds a library of solved throws all over the reach, from which plans start.
 
@@ -237,18 +238,20 @@ class Planner:
         few milliseconds.
         throws: approximate number, fewer in a small reach, as the finest cells are 4 mm and 1
         degree wide. After Ctrl-C the next call continues. progress(solved, throws) is called on the
-        way. workers: processes on this machine, by default two for 400 throws or more; scheduler:
-        address of a Dask scheduler that spreads the work instead. Returns the number of throws.
-        Plans of other threads wait until it has ended.
-        InputError for a number out of range, and if no scheduler answers.
+        way. workers: processes on this machine, by default two for 400 throws or more; executor:
+        spreads the work instead, Dask's `client.get_executor()` for instance. Returns the number of
+        throws. Plans of other threads wait until it has ended.
+        InputError for a number out of range.
         """
         throws = checked("throws", throws, int, {"least": 1, "most": MOST_PREPARED})
         try:
             releases, library = self.releases(), self.library
-            if workers is None and scheduler is None:
+            if workers is None and executor is None:
                 workers = default_workers(throws)
-            with executor_of(workers, scheduler) as executor:
-                grow(self._plain_problems, releases, library, throws, executor, progress)
+            with executor_of(workers if executor is None else None, None) as processes:
+                grow(
+                    self._plain_problems, releases, library, throws, executor or processes, progress
+                )
         finally:
             self.library.merge()
         return len(self.library)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..core.compile import scratch_folder
-from ..interrupts import INTERRUPTS
+from ..interrupts import interrupts_deferred
 from ..models import Array
 from .checks import LARGEST, InputError, within
 
@@ -238,7 +238,7 @@ def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--o
     try:
         if folder.is_file():
             raise InputError(f"{option} {folder}: is a file; must be a folder")
-        with _make_folders(folder), scratch_folder(folder):
+        with interrupts_deferred(), _make_folders(folder), scratch_folder(folder):
             pass
     except InputError:
         raise
@@ -270,16 +270,15 @@ def _make_folders(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iterator[Path]:
-    """A scratch folder for files `names`, which are moved to `folder` together.
+    """A scratch folder for files `names`, which are moved to `folder` together. Ctrl-C waits.
 
     Files of these names that the block does not write are deleted from `folder`: they belong to an
     earlier result. After an error nothing has changed. A name without a suffix is a folder's.
     """
     folder = prepare_folder(folder, tuple(name for name in names if "." in name), option)
     try:
-        with _make_folders(folder), scratch_folder(folder) as scratch:
+        with interrupts_deferred(), _make_folders(folder), scratch_folder(folder) as scratch:
             yield scratch
-            INTERRUPTS.check()
             written = {path.name for path in scratch.iterdir()}
             for name in names:
                 if (folder / name).is_dir():

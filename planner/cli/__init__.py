@@ -6,21 +6,24 @@ status. The docstring of the second is the command's help and example.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import io
 import json
 import logging
 import os
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Sequence
 
 from ... import __version__
 from ...core import CoreError
-from ...interrupts import INTERRUPTS, leave
+from ...interrupts import INTERRUPTED
 from ...problems import InputError
 from . import cycles, import_object, import_robot, measured, robots, saved_plans, scenes
-from .common import DONE, WRONG_INPUT, Parser, Progress
+from .common import DONE, WRONG_INPUT, Parser, Progress, fail
 
 #: The functions of each command, in the order of the help.
 COMMANDS = {
@@ -42,6 +45,8 @@ COMMANDS = {
     "identify": (measured.identify_arguments, measured.identify_models),
     "calibrate": (measured.calibrate_arguments, measured.calibrate_scene),
 }
+#: Longest time [s] of functions that are registered for the exit.
+EXIT_TIME = 2.0
 #: Longest word [characters] of a printed message; longer words are cut.
 LONGEST = 1000
 
@@ -68,7 +73,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run_command(words: list[str]) -> int:
     """Runs the command line; returns the exit status, and prints the error if it is not 0."""
     try:
-        INTERRUPTS.working = True
         options, unknown = _parser().parse_known_args(words)
         if unknown:
             parser = options.parser
@@ -76,19 +80,16 @@ def _run_command(words: list[str]) -> int:
             raise InputError(f"unknown argument {unknown[0]}{hint} (see '{parser.prog} --help')")
         options.words = words
         status: int = options.run(options)
-        INTERRUPTS.working = False
         return status
-    except (Exception, KeyboardInterrupt) as error:
-        if INTERRUPTS.is_cause(error):
-            return INTERRUPTS.end()
+    except KeyboardInterrupt:
+        return fail("interrupted", INTERRUPTED)
+    except Exception as error:
         if isinstance(error, InputError | CoreError):
             return _print_error(error, words)
         # Errors outside the commands' own checks, such as a too long file name.
         if isinstance(error, OSError) and error.filename is not None:
             return _print_error(InputError(f"{error.filename}: {error.strerror or error}"), words)
         raise
-    finally:
-        INTERRUPTS.working = False
 
 
 def _print_error(error: InputError | CoreError, words: list[str]) -> int:
@@ -109,13 +110,14 @@ def _discard_output() -> None:
 
 
 def _set_up_process() -> None:
-    """Sets up a process of its own: signals end the work, pictures go to files."""
+    """Sets up a process of its own: SIGTERM ends the work as Ctrl-C does, pictures go to files."""
     # Streams that are closed, as under some daemons, read nothing and write nowhere. Opened in this
     # order they take their own numbers, which no other file may have.
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
-    INTERRUPTS.listen("throwplan")
+    # As Ctrl-C.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     os.environ["MPLBACKEND"] = "agg"
     # MuJoCo, which only simulates here, would start a process to look for a window system.
     os.environ["MUJOCO_GL"] = "disable"
@@ -127,6 +129,22 @@ def _set_up_process() -> None:
         if isinstance(stream, io.TextIOWrapper):
             # A terminal may lack a character: it is replaced.
             stream.reconfigure(errors="replace")
+
+
+def leave(status: int) -> None:
+    """End the process as `sys.exit` does, but without Python's own clean-up.
+
+    A thread that comes back from C++ during that clean-up aborts the process. Functions that are
+    registered for the exit have `EXIT_TIME`: those of a broken process pool wait forever.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ending = threading.Thread(target=atexit._run_exitfuncs, daemon=True)
+    ending.start()
+    ending.join(EXIT_TIME)
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(status)
 
 
 def _printable(line: str) -> str:

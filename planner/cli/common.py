@@ -15,7 +15,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
-from ...interrupts import INTERRUPTS
 from ...problems import InputError, Pose, Region, Scene
 from ...problems.files import prepare_folder
 from ..result import Plan
@@ -257,7 +256,6 @@ class Progress:
 
     def __call__(self, done: int, total: int) -> None:
         """Show `done` of `total`."""
-        INTERRUPTS.check()
         words = f"{self._name}: {done:,} of {total:,} {self._unit}, {100 * done / total:.0f} %"
         now = time.perf_counter()
         # The time before the first call is start-up: it does not count.
@@ -283,7 +281,6 @@ class Progress:
                 _rewrite(f"{self._words} ({seconds:.0f} s)")
 
     def __enter__(self) -> Progress:
-        INTERRUPTS.check()
         if sys.stderr.isatty():
             self._show(self._name)
             self._counting.start()

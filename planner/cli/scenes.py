@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ...interrupts import INTERRUPTED, INTERRUPTS
+from ...interrupts import INTERRUPTED
 from ...models.release import BATCH_MODELS, MODELS
 from ...problems import Cost, InputError, Robust, Scene
 from ...problems.files import copy_out, filling, write_json
@@ -20,7 +20,8 @@ from ..reach import MAP_FILES, MOST, check_map, reach_map
 from ..result import Plan, plan_of
 from ..show import draw_releases, draw_scene
 from ..simulation import simulate
-from ..sweep import SWEEP_FILES, check_sweep, sweep_until_stopped
+from ..sweep import SWEEP_FILES, check_sweep
+from ..sweep import sweep as sweep_plan
 from ..throw import make_manipulator
 from ..workers import executor_of
 from .common import (
@@ -271,12 +272,13 @@ def prepare(options: argparse.Namespace) -> int:
             "prepare: there is no cache folder to keep throws in: THROWPLAN_CACHE must name one"
         )
     try:
-        with Progress(name) as progress:
-            count = planner.prepare(
-                requested, progress, workers=options.workers, scheduler=options.scheduler
-            )
+        workers, scheduler = options.workers, options.scheduler
+        with (
+            executor_of(workers if scheduler else None, scheduler) as executor,
+            Progress(name) as progress,
+        ):
+            count = planner.prepare(requested, progress, workers=workers, executor=executor)
     except KeyboardInterrupt:
-        INTERRUPTS.accept()
         kept = f"{planner.prepared:,} throws are kept; run the command again to continue"
         return fail(f"interrupted: {kept}", INTERRUPTED)
     seconds = time.perf_counter() - started
@@ -360,15 +362,11 @@ def sweep(options: argparse.Namespace) -> int:
             print_result(options, found.to_dict(), f"{scene.name}: {found.status}")
             return fail(found.message)
         with Progress(scene.name) as progress:
-            outcome = sweep_until_stopped(found, samples, seed, model, executor, progress)
-    if outcome is None:
-        raise KeyboardInterrupt
+            outcome = sweep_plan(found, samples, seed, model, executor, progress)
     save_out(options, scene.name, outcome.save)
     result = outcome.to_dict()
     advice = ""
     if found.target.at_rest and not found.robust and result["success"]["rate"] < 0.9:
         advice = "\n  plan with --robust auto to raise the success rate"
     print_result(options, result, outcome.summary() + advice + notes(scene) + written(options))
-    if outcome.samples == samples:
-        return DONE
-    return fail(f"interrupted: {outcome.samples:,} of {samples:,} samples", INTERRUPTED)
+    return DONE

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import casadi as ca
 import numpy as np
 
-from ...interrupts import INTERRUPTS
+from ...interrupts import interrupts_deferred
 from ...models import Array, ReadOnly
 from .assembly import Nlp, nlp_functions
 
@@ -89,7 +89,7 @@ def run_limited(
     """Result of call(), made in another thread; exceptions of the call are raised here.
 
     limit: processor time [s]; seconds: wall time [s]. Beyond either it raises TimeLimitError. An
-    abandoned thread (also after Ctrl-C) keeps its memory until the process ends; on Linux it gets
+    abandoned thread keeps its memory until the process ends; on Linux it gets
     idle processor time only.
     """
     future: Future[tuple[Result, float]] = Future()
@@ -181,6 +181,7 @@ class Solver:
         self._evaluation = np.inf
         self._make_functions()
 
+    @interrupts_deferred()
     def solve(
         self,
         start: Array | WarmStart,
@@ -190,7 +191,6 @@ class Solver:
         seconds: float = LIMITS.max_time,
     ) -> Solution:
         """Solves from a guess (n,) or from a solution; seconds: wall time limit [s]."""
-        INTERRUPTS.check()
         if any(kind.code is not code for kind, code in zip(self._kinds, self._codes, strict=True)):
             # Some have become machine code.
             self._make_functions()

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from ...problems import InputError
-from ..workers import set_up_worker, signals_deferred
+from ..workers import set_up_worker, sigint_blocked
 
 #: TCP port of the gripper.
 PORT = 1338
@@ -68,7 +68,7 @@ class GripperLink:
         context = multiprocessing.get_context("spawn")
         self._pipe, other = context.Pipe()
         self._process = context.Process(target=_serve, args=(host, other), daemon=True)
-        with signals_deferred():
+        with sigint_blocked():
             self._process.start()
         other.close()
 

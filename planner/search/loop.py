@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from ...interrupts import INTERRUPTS
+from ...interrupts import interrupts_deferred
 from .approach import approach_goal
 from .attempt import Attempt, attempts
 from .history import Approach, Entry, History, Lead, Move, Solve, Try
@@ -20,13 +20,13 @@ def find_throws(search: Search, strategies: Sequence[Strategy], history: History
     """
     task = search.task
     while not search.is_complete(history) and not task.clock.late:
-        INTERRUPTS.check()
-        tries = (strategy(search, history) for strategy in strategies)
-        step = next((step for step in tries if step is not None), None)
-        if step is None:
-            break
-        step = search.limited(step, history)
-        history = history.with_entry(Entry(step, tuple(_outcome(search, step))))
+        with interrupts_deferred():
+            tries = (strategy(search, history) for strategy in strategies)
+            step = next((step for step in tries if step is not None), None)
+            if step is None:
+                break
+            step = search.limited(step, history)
+            history = history.with_entry(Entry(step, tuple(_outcome(search, step))))
     return history
 
 

@@ -14,7 +14,6 @@ import webbrowser
 from collections.abc import Iterator
 from typing import Any
 
-from ...interrupts import INTERRUPTS
 from ...problems import InputError
 from .cycle_view import CycleView, SpaceCycle
 from .style import PHASES
@@ -75,7 +74,6 @@ def run_panel(panel: Any, hold: float | None) -> None:
     """Play the panel, 50 steps a second, for `hold` seconds or until interrupted."""
     start = last = time.perf_counter()
     while hold is None or last - start < hold:
-        INTERRUPTS.check()
         time.sleep(0.02)
         now = time.perf_counter()
         panel.advance(now - last)

@@ -6,5 +6,5 @@ result.
 
 from .results import SWEEP_FILES, Sweep
 from .robust_plans import QUIET_MESH, Hardening, hardened, robust_scene
-from .running import check_sweep, sweep, sweep_until_stopped
+from .running import check_sweep, sweep
 from .statistics import quantiles, variance_shares

@@ -41,13 +41,12 @@ class Sweep(ReadOnly):
     `sampler.names`, SI units; landings: their outcomes; nominal: the throw with the plan's own
     values. derivatives: (dx, dtheta) by each parameter; shares: of the variances of x and theta.
     delays: the largest delays that succeed. rests: of the first samples, for a scene with [rest].
-    requested: number of samples requested; N is smaller after Ctrl-C. seconds: time of the sweep.
+    seconds: time of the sweep.
     """
 
     plan: Plan
     batch: ThrowBatch
     sampler: Sampler
-    requested: int
     numbers: Indices
     values: Array
     landings: Verdicts
@@ -108,7 +107,6 @@ class Sweep(ReadOnly):
         entries = {
             "scene": scene.name,
             "samples": self.samples,
-            "asked": self.requested,
             "seed": self.sampler.seed,
             "model": self.batch.model,
             "robust": self.robust,

@@ -66,10 +66,8 @@ class JudgedThrow:
         scene = self.plan.scene
         sampler = sampler_of(scene, SEED)
         judge = judge_of(self.plan, scene.tolerance.model, sampler)
-        throws = run_sweep(judge, sampler, SAMPLES)
-        if throws is None or len(throws[0]) < SAMPLES:
-            raise KeyboardInterrupt
-        landings, nominal = throws[2], judge.verdicts(judge.batch.nominal())
+        _, _, landings = run_sweep(judge, sampler, SAMPLES)
+        nominal = judge.verdicts(judge.batch.nominal())
         errors = pose_errors(self.plan, landings, nominal)
         return landings.succeeds, quantiles(errors["scaled"])["95"]
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ...interrupts import INTERRUPTS
 from ...models import Array, Indices
 from ...models.release import BATCH_MODELS, MODELS
 from ...problems import InputError, checked
@@ -40,51 +39,31 @@ def sweep(
     seed: int = SEED,
     model: str = "",
     executor: Executor | None = None,
+    progress: Progress | None = None,
 ) -> Sweep:
     """Throw a solved plan's sent motion under its scene's [uncertainty].
 
     plan: also what `read_plan` read, or the path of a plan.json or of its folder.
     A scene without that section has an opening delay uniform in +-10 ms. model: of the release;
     empty for the model of the scene's tolerance. The samples are a seeded Sobol sequence; an
-    executor spreads chunks of them without any change of the result. Raises InputError for a plan
+    executor, Dask's `client.get_executor()` for instance, spreads chunks of them without any change
+    of the result. progress(thrown, samples) is called on the way. Raises InputError for a plan
     without a throw, an unknown model, numbers out of range.
     """
-    result = sweep_until_stopped(plan_of(plan), samples, seed, model, executor)
-    if result is None or result.samples < samples:
-        raise KeyboardInterrupt
-    return result
-
-
-def sweep_until_stopped(
-    plan: Plan,
-    samples: int = SAMPLES,
-    seed: int = SEED,
-    model: str = "",
-    executor: Executor | None = None,
-    progress: Progress | None = None,
-) -> Sweep | None:
-    """Like `sweep`; after Ctrl-C the sweep of the finished samples, None without any."""
-    started = time.perf_counter()
+    started, plan = time.perf_counter(), plan_of(plan)
     model = model or plan.scene.tolerance.model
     check_sweep(samples, seed, model)
     sampler = sampler_of(plan.scene, seed)
     judge = judge_of(plan, model, sampler)
-    parts = run_sweep(judge, sampler, samples, executor, progress)
-    if parts is None:
-        return None
-    numbers, values, landings = parts
+    numbers, values, landings = run_sweep(judge, sampler, samples, executor, progress)
     shares = [variance_shares(values, landings.pose[:, column]) for column in (0, 1)]
     rests = None
-    try:
-        if plan.scene.rest is not None:
-            rests = Entries.of(judge, values[:RESTED], seed).count(judge.batch.scene)
-    except KeyboardInterrupt:
-        INTERRUPTS.accept()
+    if plan.scene.rest is not None:
+        rests = Entries.of(judge, values[:RESTED], seed).count(judge.batch.scene)
     return Sweep(
         plan,
         judge.batch,
         sampler,
-        requested=samples,
         numbers=numbers,
         values=values,
         landings=landings,
@@ -131,8 +110,8 @@ def run_sweep(
     samples: int,
     executor: Executor | None = None,
     progress: Progress | None = None,
-) -> Throws | None:
-    """Throws `samples` samples; after Ctrl-C the finished ones, None without any.
+) -> Throws:
+    """Throws `samples` samples.
 
     The chunks, and so the result to the last bit, do not depend on the executor.
     """
@@ -152,12 +131,7 @@ def run_sweep(
         if progress is not None:
             progress(sum(numbers.size for numbers, _, _ in done), samples)
 
-    try:
-        run_jobs(next_chunk, executor, keep)
-    except KeyboardInterrupt:
-        INTERRUPTS.accept()
-        if not done:
-            return None
+    run_jobs(next_chunk, executor, keep)
     done.sort(key=lambda part: int(part[0][0]))
     numbers, values, landings = zip(*done, strict=True)
     return np.concatenate(numbers), np.vstack(values), Verdicts.joined(landings)

@@ -1,4 +1,4 @@
-"""Sweeps: physics of disturbed throws, and what is kept of a stopped one."""
+"""Sweeps: physics of disturbed throws."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import pytest
 import throwplan as tp
 from builders import varied
 from throwplan.models import FlightLaw, Trajectory
-from throwplan.models.release import MODELS, exact_pivot_release
-from throwplan.planner.sweep import sweep_until_stopped
+from throwplan.models.release import exact_pivot_release
 from throwplan.planner.throw import Throw, ThrowBatch, make_manipulator
 from throwplan.planner.uncertainty import sampler_of
 from throwplan.problems import Distribution, Gripper, Uncertainty
@@ -189,21 +188,3 @@ def test_a_weak_grip_is_no_success(posed) -> None:
     slipped = friction[~found.landings.sticks]
     assert (found.landings.sticks == (friction > slipped.max())).all()
     assert slipped.max() == pytest.approx(posed.throw.deciding.grip_use, abs=0.02)
-
-
-# Stopping.
-
-
-def test_what_was_done_is_kept_when_stopped(posed, monkeypatch) -> None:
-    monkeypatch.setitem(MODELS, "ls-step", dataclasses.replace(MODELS["ls-step"], chunk=256))
-    whole = tp.sweep(posed, samples=3 * 256)
-
-    def stop(done: int, total: int) -> None:
-        if done >= 2 * 256:
-            raise KeyboardInterrupt
-
-    part = sweep_until_stopped(posed, samples=3 * 256, progress=stop)
-    count = 2 * 256
-    assert part is not None and part.samples == count
-    assert np.array_equal(part.values, whole.values[:count])
-    assert np.array_equal(part.landings.pose, whole.landings.pose[:count])

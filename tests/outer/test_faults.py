@@ -12,11 +12,14 @@ import shlex
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
-from builders import MADE_THROWS
+import throwplan as tp
+from throwplan.planner.reach import MAP_FILES
+from throwplan.planner.sweep import SWEEP_FILES
 from throwplan.problems import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -146,57 +149,54 @@ def test_a_user_s_matplotlibrc_breaks_no_picture(tmp_path) -> None:
     assert err.count("\n") == 1 and not (tmp_path / "more").exists()
 
 
-#: Long commands, and the seconds in which each is interrupted five times.
+@pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
+def test_ctrl_c_ends_a_plan_after_the_solve_under_way(solver, interruptible) -> None:
+    """IPOPT itself takes it for an error of the problem, and goes on."""
+    planner = tp.Planner("hand-box", library=False)
+    for wait in (0.05, 0.1, 0.2, 0.4):
+        threading.Timer(wait, os.kill, (os.getpid(), signal.SIGINT)).start()
+        end = time.monotonic() + 30
+        with pytest.raises(KeyboardInterrupt):
+            while time.monotonic() < end:
+                planner.plan(solver=solver)
+
+
+#: Commands, the seconds within which they are interrupted, and the files that they write.
 LONG = {
-    "plan cup --out out": 3.0,
-    "plan delay --robust auto --out out": 3.0,
-    "prepare hand-box --throws 2000": 4.0,
-    "sweep delay --workers 2 --samples 200000 --out out": 4.0,
-    "map hand-box --out out": 2.0,
-    "play hand-flip --port {port} --no-browser": 3.0,
-    "view {plan} --port {port} --no-browser": 2.0,
-    "replay {plan} --out out": 2.0,
-    "identify {throws} --throws 18 --out out": 2.5,
-    "calibrate {landings} --scene near-cup --out out": 1.5,
-    "simulate drop --out out": 2.0,
-    "export {plan} --franka out": 1.2,
-    "benchmarks --quick --only robust --out out": 3.0,
+    "plan hand-flip --out out": (2.0, {"plan.json", "motion.csv", "throw.png", "throw.gif"}),
+    "sweep hand-box --workers 2 --samples 200000 --out out": (3.0, set(SWEEP_FILES)),
+    "prepare hand-box --throws 2000": (3.0, set()),
+    "map hand-box --out out": (1.5, set(MAP_FILES)),
 }
 
 
-@pytest.fixture(scope="module")
-def inputs(saved, tmp_path_factory) -> dict[str, Path]:
-    """A plan, recorded throws, and landings of the plan."""
-    folder, plan = tmp_path_factory.mktemp("inputs"), saved("near-cup")
-    landing = json.loads((plan / "plan.json").read_text())["landing"]["limit_surface"]
-    rows = [f"{plan},{landing['x'] + i / 1e4},{landing['theta'] + i / 1e3}" for i in range(20)]
-    (folder / "landings.csv").write_text("\n".join(["plan,x,theta", *rows, ""]))
-    return {"plan": plan, "throws": MADE_THROWS, "landings": folder / "landings.csv"}
+SLOW = [pytest.param(words, marks=pytest.mark.slow) for words in LONG if "plan" not in words]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("words", LONG)
-def test_a_signal_at_any_instant_ends_it(words, tmp_path, inputs, free_port, interruptible) -> None:
-    chance, kinds = random.Random(words), (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    whole = words.format(port=free_port(), **inputs)
-    for number in range(5):
-        kind, folder = kinds[number % 3], tmp_path / str(number)
+@pytest.mark.parametrize("words", ["plan hand-flip --out out", *SLOW])
+def test_an_interrupted_command_ends_with_one_line(words, tmp_path, interruptible) -> None:
+    """Status 130, all of its files or none, and no process or scratch folder is left."""
+    (seconds, files), chance = LONG[words], random.Random(words)
+    for number in range(4):
+        folder = tmp_path / str(number)
         folder.mkdir()
-        process = started(whole, folder)
+        process = started(words, folder)
         _await_start(process)
         with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(LONG[words] * (number + chance.random()) / 5)
-        # Every other one to all its processes, as a terminal does.
-        send = os.killpg if number % 2 else os.kill
+            process.wait(seconds * (number + chance.random()) / 4)
         with contextlib.suppress(ProcessLookupError):
-            send(process.pid, kind)
+            # A terminal sends Ctrl-C to all processes of a command.
+            if number % 2:
+                os.killpg(process.pid, signal.SIGINT)
+            else:
+                os.kill(process.pid, signal.SIGTERM)
         _, err = process.communicate(timeout=60)
-        assert process.returncode in (0, 130), (process.returncode, err)
-        said = re.fullmatch(r"(throwplan|benchmarks): interrupted.*\n", err)
-        assert bool(said) == (process.returncode == 130) and (said or not err), err
+        assert (process.returncode, bool(err)) in ((0, False), (130, True)), err
+        assert re.fullmatch(r"(throwplan: interrupted.*\n)?", err), err
+        written = {path.name for path in folder.glob("out/*")}
+        assert written in (set(), files), written
         assert not left(folder)
-        leftover = [*folder.rglob("tmp?*"), *(folder / "tmp").iterdir()]
-        assert not leftover, leftover
+        assert not [*folder.rglob("tmp?*"), *(folder / "tmp").iterdir()]
 
 
 def _await_start(process: subprocess.Popen[str]) -> None:
