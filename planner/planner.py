@@ -304,7 +304,7 @@ class Planner:
         """The robust method of a plan; empty for a plain plan."""
         if robust is None:
             return "" if self.scene.robust is None else self.scene.robust.method
-        if robust not in Robust.METHODS + Robust.COMPARED:
+        if robust not in Robust.METHODS:
             raise InputError(f"robust = {robust!r}: must be one of {', '.join(Robust.METHODS)}")
         return robust
 

@@ -81,9 +81,8 @@ def plan_from_warm(context: SearchContext, task: Task, warm: PlannedThrow) -> Pl
 
 
 def solved_plan(search: Search, history: History) -> Plan:
-    """The plan of the throw that the scene's [choice] prefers, with the others as alternatives."""
-    by = "effort" if search.task.scene.choice is None else search.task.scene.choice.by
-    best, *rest = (_plan_of(search, found) for found in history.ordered(by))
+    """The plan of the cheapest throw, with the others as alternatives."""
+    best, *rest = (_plan_of(search, found) for found in history.ordered)
     iterations, solves = history.iterations, history.solves
     return replace(best, iterations=iterations, attempts=solves, alternatives=tuple(rest))
 

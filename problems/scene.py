@@ -84,9 +84,8 @@ class Scene(Section):
 
     @functools.cached_property
     def weights(self) -> Cost:
-        """The weights in the optimisation: [cost], else those for little time if that is chosen."""
-        is_fast = self.choice is not None and self.choice.by == "time"
-        return self.cost or (Cost().fast if is_fast else Cost())
+        """The weights in the optimisation."""
+        return self.cost or Cost()
 
     def check(self) -> None:
         """Conditions between sections."""

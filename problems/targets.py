@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -288,19 +287,11 @@ class Cost(Section):
     the integrals over time of the squared accelerations and jerks of the joints (or of the hand),
     each as a share of its limit. A throw in less time is nearer to the limits."""
 
-    #: Weight of the time in `fast`.
-    FAST: ClassVar[float] = 100.0
-
     time: float = quantity("1/s, of the time until the hand opens", least=0, most=1e4, default=2.0)
     acceleration: float = quantity("1/s", least=1e-3, most=1e4, default=10.0)
     jerk: float = quantity(
         "1/s; only with [robot] and its `control` = `jerk`", least=1e-3, most=1e4, default=1.0
     )
-
-    @property
-    def fast(self) -> Cost:
-        """This cost with a weight of the time beside which the others hardly count."""
-        return dataclasses.replace(self, time=max(self.time, self.FAST))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -335,13 +326,6 @@ class Mesh(Section):
 
 @dataclasses.dataclass(frozen=True)
 class Choice(Section):
-    """Choice among different throws; without it the first one found is taken."""
+    """The cheapest by [cost] of several throws; without it the first one found is taken."""
 
-    by: str = quantity(
-        "least of: the NLP's cost; time from rest to landing, for which the throws are also "
-        "optimised as by `plan --fast` if there is no [cost]; what [uncertainty] does to the "
-        "landing",
-        choices=("effort", "time", "robustness"),
-        default="effort",
-    )
     among: int = quantity("number of different throws to compare", least=1, most=20, default=4)

@@ -277,22 +277,16 @@ class Robust(Section):
     """A robust plan, for all of [uncertainty], or a delay of +-10 ms without it.
 
     method: 'quiet' (least load on the pads while they may open), 'scenarios' (several throws with
-    other parameters share the hand's motion and land near the target), 'stationary' (constant
-    acceleration, at which the landing of a release at one instant is stationary in the delay),
-    'auto' (the best of several throws by a sweep); for comparison 'quiet-exactly' (no load, as a
-    constraint), 'hand-velocity' and 'joint-velocity' (constant over the window).
+    other parameters share the hand's motion and land near the target), 'joint-velocity' (constant
+    over the window), 'auto' (the best of several throws by a sweep).
     """
 
     QUIET: ClassVar[str] = "quiet"
-    #: Methods of the command line.
-    METHODS: ClassVar[tuple[str, ...]] = ("auto", QUIET, "scenarios", "stationary")
-    #: Methods for comparison: quiet as a constraint, and those of other papers.
-    COMPARED: ClassVar[tuple[str, ...]] = ("quiet-exactly", "hand-velocity", "joint-velocity")
+    METHODS: ClassVar[tuple[str, ...]] = ("auto", QUIET, "scenarios", "joint-velocity")
 
     method: str = quantity(
-        "see [how it works](how-it-works.md#a-plan-that-forgives-timing); the last three are for "
-        "comparison",
-        choices=METHODS + COMPARED,
+        "see [how it works](how-it-works.md#a-plan-that-forgives-timing)",
+        choices=METHODS,
         default="auto",
     )
     early: float | None = optional(

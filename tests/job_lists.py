@@ -177,8 +177,8 @@ def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
 def one_by_one(jobs: Jobs, cycle: Cycle) -> float:
     """Time [s] of the same jobs in the same order, as plans and Ruckig's motions of rest to rest.
 
-    Each throw is planned in the least time from where the plan chooses to begin, as `throwplan plan
-    --fast` does. Nothing waits in the way of the motions between, so the time is a lower bound.
+    Each throw is planned in the least time from where the plan chooses to begin. Nothing waits in
+    the way of the motions between, so the time is a lower bound.
     """
     limits, place = joint_limits(jobs.arm, range(jobs.arm.joints)), cycle.samples.q[0]
     plans, total = list[Plan](), sum(pick.grasp_time for pick in jobs.picks)

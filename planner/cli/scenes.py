@@ -11,7 +11,7 @@ from typing import Any
 
 from ...interrupts import INTERRUPTED
 from ...models.release import BATCH_MODELS, MODELS
-from ...problems import Cost, InputError, Robust, Scene
+from ...problems import InputError, Robust, Scene
 from ...problems.files import copy_out, filling, write_json
 from ...problems.job_files import jobs_names, jobs_text
 from ...problems.scene_files import load_scene, scene_names, scene_text
@@ -122,8 +122,6 @@ def plan_arguments(add: Add) -> None:
     )
     add("--solver", choices=("auto", "fatrop", "ipopt"), default="auto", help=words)
     add("--robust", choices=Robust.METHODS, help=ROBUST)
-    words = f"in little time: [cost] time = {Cost.FAST:g} or more"
-    add("--fast", action="store_true", help=words)
     words = "also list up to N different throws to the target"
     kind = integer(0, MOST_ALTERNATIVES)
     add("--alternatives", type=kind, metavar="N", default=0, help=words)
@@ -137,8 +135,6 @@ def plan(options: argparse.Namespace) -> int:
     example: throwplan plan cup --target 0.92 0.22 -90 --out out/cup
     """
     scene = load_scene(options.scene)
-    if options.fast:
-        scene = scene.replace(cost=scene.weights.fast)
     target, alternatives = target_of(scene, options), options.alternatives
     with Progress(f"{scene.name}: building the problem"):
         planner = Planner(scene)

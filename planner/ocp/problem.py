@@ -4,8 +4,7 @@ Phases      carry        full grip, the object sticks      T, free, in equal int
             opening      grip force falls, object slides   fixed length, graded intervals
             flight       from detach to the landing        t_f, free, in closed form
             early, late  window around the opening         fixed length, robust plans only
-States      q, dq, ddq (where c is acceleration of `stationary` only); T; rel: slip, angle in the
-            pads, their rates
+States      q, dq, ddq (where c is jerk); T; rel: slip, angle in the pads, their rates
 Controls    c: jerk or acceleration, constant in an interval; t_f at detach
 Minimise    w_T T + integral of w_a sum (ddq / ddq_max)^2 + w_j sum (jerk / jerk_max)^2 dt to the
             last node, with weights of [cost], and limits less margins; price of an elastic

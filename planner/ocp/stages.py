@@ -10,7 +10,7 @@ The decision vector, stage by stage (n coordinates; C carry intervals, O opening
     k = C + O      like k = C, rel                             t_f, those of scene constraints
 
 A robust plan has intervals of fixed length before the opening (stages like k = C) and after detach
-(without rel); its stage of detach has c too, and of method `stationary` all after k = C have ddq.
+(without rel); its stage of detach has c too.
 With several openings (`terms.robust.Scenarios`) rel, acc and t_f have indices: 0 is the planned
 opening. Known values are no variables: rest, a given start pose, the object under full grip.
 """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
@@ -15,7 +15,6 @@ from ...problems import Pose
 from ..library import Neighbour
 from ..ocp import Refinement
 from ..result import PlannedThrow
-from ..uncertainty import landing_spread
 from .attempt import Attempt, Start
 
 #: Prices [1/m] of an elastic landing's pose error, one after the other. From a start more NLPs are
@@ -126,9 +125,10 @@ class History:
         """The solved throws that differ, cheapest first."""
         return distinct([attempt for attempt in self.attempts if attempt.solved])
 
-    def ordered(self, criterion: str) -> list[Attempt]:
-        """The throws found, best first by a criterion of `CRITERIA`."""
-        return sorted(self.found, key=CRITERIA[criterion]) if self.found[1:] else self.found
+    @property
+    def ordered(self) -> list[Attempt]:
+        """The throws found, cheapest first."""
+        return sorted(self.found, key=_effort) if self.found[1:] else self.found
 
     @cached_property
     def edges(self) -> list[Attempt]:
@@ -243,15 +243,12 @@ def _differ(one: Attempt, other: Attempt) -> bool:
 def distinct(found: list[Attempt]) -> list[Attempt]:
     """The throws that differ from all before them, cheapest first."""
     kept: list[Attempt] = []
-    for one in sorted(found, key=CRITERIA["effort"]):
+    for one in sorted(found, key=_effort):
         if all(_differ(one, other) for other in kept):
             kept.append(one)
     return kept
 
 
-#: Values of a throw that a scene's [choice] may ask to be least.
-CRITERIA: dict[str, Callable[[Attempt], float]] = {
-    "effort": lambda found: _throw_of(found).effort,
-    "time": lambda found: _throw_of(found).landing_time,
-    "robustness": lambda found: landing_spread(_throw_of(found).deciding, found.goal),
-}
+def _effort(found: Attempt) -> float:
+    """The NLP's cost of a solved throw."""
+    return _throw_of(found).effort

@@ -91,18 +91,3 @@ def sample_throws(
     reach = min(early, 0.0), max(late, 0.0), longest
     batch = ThrowBatch.of(throw, target, sampler.names, reach)
     return Judge.of_success(batch), sampler.draw(0, count)
-
-
-def landing_spread(throw: Throw, target: Pose) -> float:
-    """95 % quantile [m] of the pose error (position plus angle times half the length) about the
-    throw's own landing under the scene's uncertainty; infinite if over 5 % never land.
-
-    target: theta counts if it fixes it.
-    """
-    judge, values = sample_throws(throw, target)
-    batch = judge.batch
-    change = batch.fly(values).landing - batch.fly(batch.nominal()).landing
-    turn = 0.0 if target.theta is None else change[:, 1]
-    errors = throw.scene.object.pose_error(change[:, 0], turn)
-    finite_errors = np.where(np.isnan(errors), np.inf, errors)
-    return float(np.quantile(finite_errors, 0.95, method="inverted_cdf"))

@@ -103,11 +103,12 @@ def test_friction_patch_radius_mass_and_delay_are_borne() -> None:
     assert narrow < wide / 10
 
 
-def test_a_method_that_fails_leaves_the_plain_plan_and_says_so(nominal) -> None:
-    """No motion of the arm keeps the hand's velocity over the window."""
-    plan = planner_of("delay", DELAY).plan(robust="hand-velocity", patience=1.5)
+def test_a_method_that_fails_leaves_the_plain_plan_and_says_so() -> None:
+    """No motion of the arm into the cup keeps the joints' velocities over the window."""
+    nominal, planner = planned("cup", None), planner_of("cup", None)
+    plan = planner.plan(robust="joint-velocity", patience=4.0)
     assert plan.solved and plan.robust == "nominal"
-    assert "the throw is the plain one: hand-velocity found none (no motion" in plan.message
+    assert "joint-velocity found none" in plan.message
     # All numbers are those of the throw that is given.
     assert plan.to_dict()["error"] == nominal.to_dict()["error"]
     assert np.array_equal(plan.throw.samples.q, nominal.throw.samples.q)
@@ -125,21 +126,6 @@ def test_a_free_hand_is_quiet_all_the_way() -> None:
     hand = plan.manipulator.hand(throw.planned).at(np.linspace(begin, end, 200))
     assert friction_use(scene, hand).max() == pytest.approx(plan.peak_load, rel=0.1)
     assert scaled_spread(plan) < scaled_spread(planned("hand-flip", None)) / 50
-
-
-@pytest.mark.parametrize(("name", "uncertainty"), [("delay", DELAY), ("hand-flip", None)])
-def test_a_stationary_throw_lands_at_the_same_pose_a_little_later(
-    name: str, uncertainty: Uncertainty | None
-) -> None:
-    """By the derivative of its landing in the delay, from a sweep by the exact model."""
-    slopes, spreads = [], []
-    for method in (None, "stationary"):
-        plan = planned(name, uncertainty, method)
-        x, theta = tp.sweep(plan, samples=64).derivatives["delay"]
-        slopes.append(abs(x) + abs(theta) * plan.scene.object.half_length)
-        spreads.append(scaled_spread(plan))
-    assert slopes[1] < slopes[0] / 8
-    assert spreads[1] < spreads[0] / 8
 
 
 def test_a_robust_plan_forgives_friction_and_opening_time_too(nominal) -> None:

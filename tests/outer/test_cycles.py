@@ -174,7 +174,7 @@ def test_mistakes_are_lines(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("section", ["rest]\nwithin = 0.1", "choice]\nby = 'time'", "robust]"])
+@pytest.mark.parametrize("section", ["rest]\nwithin = 0.1", "choice]\namong = 2", "robust]"])
 def test_sections_for_one_throw_are_refused(section: str, tmp_path: Path, refused) -> None:
     """They are not left out in silence."""
     (tmp_path / "scene.toml").write_text(f"{POSE.read_text()}\n[{section}\n")

@@ -407,13 +407,6 @@ def test_bounds_of_landing_and_torque_are_planned(tmp_path) -> None:
     assert answer["nlp"]["constraints"] > plain["nlp"]["constraints"]
 
 
-def test_a_fast_throw_opens_sooner_in_the_same_problem(run, plan_of) -> None:
-    fast, plain = run("plan near-cup --fast --json").json, plan_of("near-cup").to_dict()
-    assert fast["status"] == "solved" and fast["nlp"]["variables"] == plain["nlp"]["variables"]
-    assert fast["release"]["opening_time"] < 0.8 * plain["release"]["opening_time"]
-    assert fast["delay"]["early"] < 0.0 < fast["delay"]["late"]
-
-
 def test_only_the_ratios_of_the_weights_count() -> None:
     """And more weight on time gives an earlier opening.
 
@@ -432,9 +425,8 @@ def test_only_the_ratios_of_the_weights_count() -> None:
 
 
 @pytest.mark.slow
-def test_a_choice_among_throws_takes_the_quickest(tmp_path, plan_of) -> None:
-    path = tmp_path / "quick.toml"
-    path.write_text(tp.scene_text("hand-flip") + '\n[choice]\nby = "time"\namong = 3\n')
-    answer, plain = tp.plan(path).to_dict(), plan_of("hand-flip").to_dict()
-    assert answer["status"] == "solved"
-    assert answer["release"]["landing_time"] <= plain["release"]["landing_time"] + 1e-6
+def test_a_choice_among_throws_takes_the_cheapest(tmp_path, plan_of) -> None:
+    path = tmp_path / "choice.toml"
+    path.write_text(tp.scene_text("hand-flip") + "\n[choice]\namong = 3\n")
+    found = tp.plan(path)
+    assert found.solved and found.throw.effort <= plan_of("hand-flip").throw.effort * (1 + 1e-6)

@@ -6,11 +6,6 @@ the landing. The load is b, the acceleration of the object's CoM less gravity's,
 angular acceleration; a quiet release has b = 0, alpha = 0. The grip force of the earliest opening
 sets the price of the load: a firm grip holds the object under load.
 
-Stationary landing: the coordinates keep their acceleration in the window. Let go dt later, the
-object has gained b dt and alpha dt over its free flight from before. So it lands (b_z t_f / -v_z)
-dt later, and at the same x and theta, to first order, if b_x v_z = b_z v_x and alpha v_z = b_z
-omega with the speeds at the landing.
-
 Errors of CoM, grasp and hand move the state at detach and with it the landing. Their price is the
 variance of the landing, to first order.
 
@@ -32,7 +27,7 @@ from ....problems import Robust
 from ..problem import land
 from ..request import Request
 from ..scene_constraint import Brake, Flight, SceneConstraint
-from ..stages import DDQ, REL, Stage
+from ..stages import REL, Stage
 from ..transcription import NODES, Interval, Ocp, grip_instants
 
 
@@ -41,22 +36,19 @@ class RobustSettings:
     """Prices and thresholds of the robust methods.
 
     load_price [(m/s^2)^-2]: of the mean square load over the window, without grip. load_grip:
-    share of the full grip at which that price has fallen to a quarter. zero_load [m/s^2]: a
-    smaller load counts as none. miss_price [1/m^2]: of the scenarios' mean square pose error.
-    variance_price [1/m^2]: of the variance of the landing. min_fall_speed [m/s]: keeps the
-    division by the speed of fall at the landing above zero.
+    share of the full grip at which that price has fallen to a quarter. miss_price [1/m^2]: of the
+    mean square pose error of the scenarios. variance_price [1/m^2]: of the variance of the landing.
+    min_fall_speed [m/s]: keeps the division by the speed of fall at the landing above zero.
     """
 
     load_price: float = 10.0
     load_grip: float = 0.05
-    zero_load: float = 0.05
     miss_price: float = 1e6
     variance_price: float = 1e6
     min_fall_speed: float = 0.01
 
 
 SETTINGS = RobustSettings()
-STATIONARY = "stationary"
 
 
 @dataclass(frozen=True)
@@ -78,32 +70,13 @@ class Quiet(SceneConstraint):
             "window": nodes[-1] - nodes[0],
             "quiet_arm": request.scene.object.half_length,
             "quiet_weight": s.load_price * (s.load_grip / (s.load_grip + grip)) ** 2,
-            "quiet_none": s.zero_load,
         }
         return cls(values, Robust.QUIET if request.robust == "scenarios" else request.robust)
-
-    def add_states(self, ocp: Ocp, k: int, stage: Stage) -> None:
-        """The acceleration of a free hand, if it is to stay constant in the window."""
-        s = ocp.structure
-        if self.method == STATIONARY and not s.jerk_control and k > s.carry:
-            stage.state(DDQ, ocp.n)
 
     def in_interval(self, interval: Interval) -> None:
         """The method's constraints or cost in the window: after the carry."""
         if interval.phase != "carry":
             METHODS[self.method](interval)
-
-    def in_flight(self, flight: Flight) -> None:
-        """`stationary`: the derivatives of the landing in the delay are zero, for a release at the
-        instant of detach."""
-        if self.method != STATIONARY:
-            return
-        ocp, hand, end = flight.ocp, flight.hand[2], flight.end
-        b_x, b_z, _ = held_wrench(replace(ocp.body, mass=1.0), ocp.gravity, hand, ocp.grasp_angle)
-        moved = b_x * end.v_z - b_z * end.v_x
-        turned = flight.p("quiet_arm") * (hand.alpha * end.v_z - b_z * end.omega)
-        for value in (moved, turned) if ocp.structure.angle else (moved,):
-            flight.subject_to("stationary landing", value, 0.0, 0.0)
 
 
 def _loads(interval: Interval) -> list[list[ca.SX]]:
@@ -126,22 +99,6 @@ def _price_load(interval: Interval) -> None:
         interval.add_objective(price * share / 2 * squared)
 
 
-def _exclude_load(interval: Interval) -> None:
-    """Constrains the load to zero."""
-    for load in _loads(interval):
-        for value in load:
-            interval.subject_to("quiet release", value / interval.p("quiet_none"), -1.0, 1.0)
-
-
-def _keep_hand_velocity(interval: Interval) -> None:
-    """The hand moves and turns at constant velocity."""
-    p = interval.p
-    for node in NODES:
-        hand = interval.hand_at(node)[2]
-        for value in interval.stage.lift(hand.a_x, hand.a_z, p("quiet_arm") * hand.alpha):
-            interval.subject_to("constant hand velocity", value / p("quiet_none"), -1.0, 1.0)
-
-
 def _keep_joint_velocity(interval: Interval) -> None:
     """The coordinates move at constant rates."""
     for share in (0.0, 1.0):
@@ -149,21 +106,9 @@ def _keep_joint_velocity(interval: Interval) -> None:
         interval.subject_to("constant joint velocity", acceleration, -1e-3, 1e-3)
 
 
-def _keep_acceleration(interval: Interval) -> None:
-    """The coordinates move at constant acceleration over the window."""
-    control = interval.stage.controls[interval.ocp.control]
-    if interval.ocp.structure.jerk_control:
-        interval.subject_to("constant acceleration", control, -1e-4, 1e-4)
-    elif DDQ in interval.stage.states:
-        interval.subject_to("constant acceleration", control - interval.stage.states[DDQ], 0.0, 0.0)
-
-
 #: What each robust method adds to an interval of the window.
 METHODS: dict[str, Callable[[Interval], None]] = {
     Robust.QUIET: _price_load,
-    "quiet-exactly": _exclude_load,
-    STATIONARY: _keep_acceleration,
-    "hand-velocity": _keep_hand_velocity,
     "joint-velocity": _keep_joint_velocity,
 }
 
