@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array, FlightState, HandSamples, Trajectory, low_pass
-from ...problems import InputError, Scene
+from ...problems import InputError, Scene, Torque
 from ..clearance import (
     CollisionScene,
     column_distance,
@@ -309,7 +309,14 @@ class LearningControl:
 
     @classmethod
     def of(cls, plan: Throw, recording: Recording) -> LearningControl:
-        """The control for a plan, by the recording of a motion that was sent for it."""
+        """The control for a plan, by the recording of a motion that was sent for it.
+
+        The plan's torque margin is a reserve for what the arm does beside the plan: it may be used.
+        """
+        scene = plan.scene
+        if scene.torque_margin:
+            torque = (scene.torque or Torque()).changed(margin=0.0)
+            plan = plan.in_scene(scene.changed(torque=torque))
         opening_time = plan.opening_time + LEARNING.knot * LEARNING.run_up
         opening = plan.scene.gripper.profile().opening
         pieces = int(np.ceil((opening_time + opening) / LEARNING.knot)) + LEARNING.stop

@@ -134,20 +134,6 @@ def test_a_gripper_that_does_not_open_ends_in_a_stop(robot, saved, tmp_path, run
 
 
 @pytest.mark.slow
-def test_the_study_of_moving_cups_finds_what_following_gains() -> None:
-    """Of a few of its throws at a cup that begins to move during the swing."""
-    pytest.importorskip("franky_sim")
-    study = Path(__file__).parents[2] / "examples" / "follow.py"
-    words = [sys.executable, str(study), "--throws", "4"]
-    said = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert said.returncode == 0, said.stderr
-    rows = [line.strip("| ").split(" | ") for line in said.stdout.splitlines()[2:]]
-    medians = {name: float(median.removesuffix(" mm")) for name, median, *_ in rows}
-    assert {"100", "400", "1000"} < set(medians)
-    assert max(medians["400"], medians["1000"]) < 0.5 * medians["plan"]
-
-
-@pytest.mark.slow
 def test_a_robot_picks_and_throws_six_parts(robot, six, tmp_path, run, table) -> None:
     with with_hand(robot, 0.08, 6, 0, 0):
         said = run("run --yes --json", six, "--robot", HANDY, "--out", tmp_path / "out")
