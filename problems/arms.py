@@ -159,6 +159,12 @@ def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None 
             f"hand = {hand!r}: includes a hand, on which {gripper.description} cannot be mounted: "
             "import the arm with --tool FLANGE, its flange's link, without --tcp and --palm"
         )
+    for key in ("dh", "joints", "links", "capsules"):
+        rows = tables.get(key, [])
+        if not (isinstance(rows, list) and all(isinstance(row, dict) for row in rows)):
+            raise InputError(f"{key} = {rows!r}: must be a list of tables")
+    if not isinstance(tool := tables.get("tool", {}), dict):
+        raise InputError(f"tool = {tool!r}: must be a section")
     arm = arm_from(gripper.on(tables))
     note = _replacement(tables, arm, gripper)
     arm = replace(arm, hand_links=(), notes=(*arm.notes, note) if note else arm.notes)

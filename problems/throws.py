@@ -185,7 +185,7 @@ def _head(tables: Mapping[str, Any]) -> tuple[Shared, dict[str, ThrownObject], d
         raise InputError("section [objects.NAME] is missing")
     for name, table in given.items():
         if not isinstance(table, Mapping):
-            raise InputError(f"objects: {name} = {table!r}: must be a section [objects.{name}]")
+            raise InputError(f"objects: {name} = {table!r}: must be a section")
         with within(f"[objects.{name}]", " "):
             objects[name] = held_object(table)
     truth = tables.get("truth", {})

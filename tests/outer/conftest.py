@@ -104,11 +104,7 @@ def table() -> Callable[[Path], np.ndarray]:
 
 @pytest.fixture(scope="session")
 def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the shipped cycle by an FR3, whose hand has the time to close;
-    not to be changed."""
+    """The folder of the shipped cycle by an FR3; not to be changed."""
     folder = tmp_path_factory.mktemp("six")
-    text = (Path(tp.__file__).parent / "problems" / "jobs" / "six-parts.toml").read_text("utf-8")
-    text = text.replace('"cup"', '"fr3"').replace("grasp_time = 0.4", "")
-    (folder / "jobs.toml").write_text(text.replace("[[pick]]", "[[pick]]\ngrasp_time = 0.5"))
-    tp.save_cycle(tp.plan_cycle(tp.load_jobs(folder / "jobs.toml")), folder / "out")
-    return folder / "out"
+    tp.save_cycle(tp.plan_cycle(tp.load_jobs("six-parts")), folder)
+    return folder
