@@ -279,26 +279,6 @@ def test_throws_of_the_boundary_land_where_they_say(prepared: tp.Planner) -> Non
 
 
 @pytest.mark.slow
-def test_beyond_the_reach_a_library_names_the_nearest(boxes: tp.Planner) -> None:
-    """With few NLPs, inside the base column without any; a search without it finds none nearer."""
-    planner, alone = boxes, tp.Planner("box", library=False)
-    lever = planner.scene.object.half_length
-    x, theta, _ = planner.library.landings(planner.scene.target.z)
-    for place in (0.03, 0.08, 2.2, -2.2):
-        target = planner.scene.target.in_plane(place, None)
-        plan, other = (one.plan(target, patience=60.0) for one in (planner, alone))
-        assert plan.status == other.status == "out_of_reach"
-        if abs(place) < 0.1:
-            assert plan.iterations == 0 and plan.binding == ("base column",)
-        else:
-            assert plan.binding and plan.iterations < 300
-        away, most = (target.distance(one.nearest, lever) for one in (plan, other))
-        assert away < 1.1 * most
-        assert away < 1.001 * planner.scene.object.pose_error(*target.miss(x, theta)).min()
-        assert planner.plan(plan.nearest).solved
-
-
-@pytest.mark.slow
 def test_a_library_is_no_evidence_for_targets_of_another_kind(boxes: tp.Planner) -> None:
     """Its throws with theta open show nothing of targets with an angle, which are searched for."""
     alone, own = tp.Planner("box", library=False), boxes.scene.target

@@ -70,7 +70,7 @@ def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan) -> 
 @pytest.mark.slow
 def test_palm_enters_the_nlp_when_it_decides_and_goes_into_a_warm_start() -> None:
     """Thrown backwards over the base, the bar would hit the hand: solved all the same."""
-    planner = tp.Planner(tp.load_scene("pose"))
+    planner = tp.Planner(tp.load_scene("pose").replace(torque=Torque(rate=1e6, margin=0.0)))
     first = planner.plan(tp.Pose(x=-0.9, z=0.1, theta=0.0), patience=90.0)
     assert first.solved and verdict(checked(first)).ok
     assert first.constraints > nlp_of(planner.scene).size[1]
@@ -121,7 +121,7 @@ def test_the_arms_own_limits_are_kept_with_rows_where_a_throw_breaks_them() -> N
     plan = tp.plan(weak)
     assert plan.solved and "torque" in plan.throw.refinement.lazy
     assert plan.constraints > nlp_of(weak).size[1]
-    assert 0.9 < plan.to_dict()["torque"]["use"] <= 1.0
+    assert 0.8 < plan.to_dict()["torque"]["use"] <= 1.0 - scene.torque_margin
 
 
 def test_limits_that_bind_change_the_throw(cup_plan) -> None:
@@ -134,9 +134,9 @@ def test_limits_that_bind_change_the_throw(cup_plan) -> None:
 
 
 @pytest.mark.slow
-def test_a_scenes_torque_rate_is_kept_and_judged(plan_of) -> None:
+def test_a_scenes_torque_rate_is_kept_and_judged() -> None:
     """Without it plans go far above; with it the plan keeps it and the same verdict says so."""
-    free = plan_of("fr3")
+    free = tp.plan(tp.load_scene("fr3").replace(torque=Torque(rate=1e6)))
     scene = free.scene.replace(torque=Torque(rate=2000.0))
     assert free.throw.deciding.torques.rate > 20000.0
     judged = verdict(free.throw.deciding.in_scene(scene))
