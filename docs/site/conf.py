@@ -86,6 +86,9 @@ def write_math(writer: HTML5Translator, node: nodes.math | nodes.math_block) -> 
 def add_navigation(app: Sphinx, page: str, source: list[str]) -> None:
     """The front page's lists of links are the table of contents."""
     if page == root_doc:
+        # `make site` has made that page.
+        keys = "`throwplan scenes --keys`"
+        source[0] = source[0].replace(f"- {keys}", f"- [Every key](keys.md): {keys},")
         for title, links in re.findall(r"^## (.*)\n\n((?:[- ].*\n)+)", source[0], flags=re.M):
             entries = re.findall(r"^- \[(.*?)\]\((.*?)\)", links, flags=re.M)
             lines = [f"{name} <{target}>" for name, target in entries]

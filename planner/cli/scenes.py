@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +43,7 @@ from .common import (
     target_of,
     written,
 )
+from .keys import scene_keys
 
 #: Sampled throws of a drawn scene's reach.
 DRAWN = 20_000
@@ -59,7 +59,8 @@ def scenes_arguments(add: Add) -> None:
     add("--write", metavar="NAME", help=words)
     add("--draw", metavar="SCENE", help="draw a scene and what its numbers mean: NAME.png")
     add("--force", action="store_true", help="overwrite an existing file")
-    add("--reference", action="store_true", help="print all keys of a scene file as Markdown")
+    words = "print all keys of scene, arm and gripper files as Markdown"
+    add("--keys", action="store_true", help=words)
 
 
 def scenes(options: argparse.Namespace) -> int:
@@ -67,15 +68,14 @@ def scenes(options: argparse.Namespace) -> int:
 
     example: throwplan scenes --write cup
     """
-    if options.reference + (options.write is not None) + (options.draw is not None) > 1:
-        raise InputError("--write, --draw and --reference: give one of them")
+    if options.keys + (options.write is not None) + (options.draw is not None) > 1:
+        raise InputError("--write, --draw and --keys: give one of them")
     if options.draw is not None:
         path = _draw(load_scene(options.draw), force=options.force)
         print_result(options, {"file": str(path)}, f"wrote {path}")
-    elif options.reference:
-        # Made by examples/scene_reference.py: all keys of scene and arm files.
-        text = (files("throwplan") / "docs/scene-reference.md").read_text(encoding="utf-8")
-        print(json.dumps({"reference": text}) if options.json else text, end="")
+    elif options.keys:
+        text = scene_keys()
+        print(json.dumps({"keys": text}) if options.json else text, end="")
     elif options.write is not None:
         path = Path(f"{options.write}.toml")
         names = [*scene_names(), *jobs_names()]

@@ -70,7 +70,7 @@ def _alive(folder: Path) -> list[str]:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-@pytest.mark.parametrize("words", ["scenes --reference", "plan --help", "plan nowhere --json"])
+@pytest.mark.parametrize("words", ["scenes --keys", "plan --help", "plan nowhere --json"])
 def test_a_full_standard_output_is_one_line(words, tmp_path) -> None:
     with Path("/dev/full").open("w") as full:
         process = started(words, tmp_path, stdout=full)
@@ -129,7 +129,7 @@ def test_a_full_disk_costs_no_earlier_picture(most, plan_of, tmp_path) -> None:
 
 
 def test_a_reader_that_goes_away_is_no_error(tmp_path) -> None:
-    with started("scenes --reference", tmp_path) as process:
+    with started("scenes --keys", tmp_path) as process:
         assert process.stdout is not None and process.stderr is not None
         process.stdout.readline()
         process.stdout.close()

@@ -91,7 +91,7 @@ COMMANDS: list[tuple[list[str], dict[str, int]]] = [
     (["sweep", "drop"], {"--samples": 1, "--seed": 1, "--workers": 1, "--target": 3, "--out": 1}),
     (["map", "drop"], {"--z": 1, "--samples": 1, "--out": 1, "--json": 0}),
     (["prepare", "drop"], {"--throws": 1, "--json": 0}),
-    (["scenes"], {"--write": 1, "--reference": 0, "--json": 0}),
+    (["scenes"], {"--write": 1, "--keys": 0, "--json": 0}),
     (["view", "nothing"], {"--port": 1, "--hold": 1, "--mp4": 1}),
     (["run", "nothing"], {"--robot": 1, "--repeat": 1, "--after": 1, "--dry": 0}),
     (["import-robot", "nothing.urdf"], {"--out": 1, "--joints": 2, "--tcp": 1, "--jerk": 2}),

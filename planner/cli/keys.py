@@ -1,7 +1,6 @@
-"""Prints docs/scene-reference.md, from the sections' fields and docstrings:
+"""All keys of scene, arm and gripper files as Markdown, from their fields and docstrings."""
 
-.venv/bin/python examples/scene_reference.py > docs/scene-reference.md
-"""
+from __future__ import annotations
 
 import dataclasses
 import inspect
@@ -12,11 +11,11 @@ import typing
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from throwplan.models.robot import Arm, DHRow, JointFrame, LinkInertia
-from throwplan.problems.arms import TABLES, GripperCapsule, GripperData
-from throwplan.problems.scene import SECTIONS, TOP_KEYS, Scene
-from throwplan.problems.section import UNSET, file_key, hints_of
-from throwplan.problems.uncertainty import SHARES, Distribution, Uncertainty
+from ...models.robot import Arm, DHRow, JointFrame, LinkInertia
+from ...problems.arms import TABLES, GripperCapsule, GripperData
+from ...problems.scene import SECTIONS, TOP_KEYS, Scene
+from ...problems.section import UNSET, file_key, hints_of
+from ...problems.uncertainty import SHARES, Distribution, Uncertainty
 
 #: Ranges that hang on the scene's other values.
 WITHIN = {
@@ -26,7 +25,7 @@ WITHIN = {
 INTRODUCTION = """\
 # Scene files
 
-Made by `examples/scene_reference.py`; do not edit. `throwplan scenes --reference` prints it.
+`throwplan scenes --keys` prints this page.
 
 A scene is a TOML file. Angles in it are in degrees and their keys end in `_deg`; all else is SI.
 x points forward, z up, angles count counter-clockwise from +x. A section that is absent adds
@@ -57,7 +56,7 @@ class Key:
     meaning: str
 
 
-def scene_reference() -> str:
+def scene_keys() -> str:
     """The whole reference as Markdown."""
     top = dataclasses.replace(_key(Scene, "name"), default="from the file")
     keys = iter([top, *(_key(Scene, name) for name in TOP_KEYS[1:])])
@@ -172,7 +171,3 @@ def _plain(value: Any, unit: float) -> str:
     if isinstance(value, str):
         return f'"{value}"'
     return f"{unit * value:.6g}" if isinstance(value, float) else str(value)
-
-
-if __name__ == "__main__":
-    print(scene_reference(), end="")
