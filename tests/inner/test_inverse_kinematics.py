@@ -88,8 +88,8 @@ def test_reachable_poses_are_found(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
-def test_nearly_all_of_200_reachable_poses_are_found(name: str) -> None:
-    assert count_found(name, 200) >= 196
+def test_nearly_all_reachable_poses_are_found(name: str) -> None:
+    assert count_found(name, 60) >= 58
 
 
 def test_another_library_has_the_pads_there() -> None:
