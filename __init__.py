@@ -10,12 +10,20 @@ A scene is made of the sections of its file, each a class of that name: `tp.Obje
 
 from importlib.metadata import PackageNotFoundError, version
 
-from .planner.cycle import Cycle, plan_cycle, read_cycle, save_cycle
+from .planner.cycle import Cycle, plan_cycle
 from .planner.follow import Response, Session, Update
 from .planner.identify import Calibrated, Identified, calibrate, identify, throw_data, thrown
 from .planner.planner import Planner, plan
 from .planner.reach import ReachMap, reach_map
-from .planner.result import Plan, PlanPath, SavedThrow, draw_flight, read_plan
+from .planner.result import (
+    Plan,
+    PlanPath,
+    SavedThrow,
+    SentMotion,
+    draw_flight,
+    read_motion,
+    read_plan,
+)
 from .planner.robot import Replay, export, replay, view
 from .planner.show import draw_bars, draw_cup
 from .planner.simulation import simulate, simulate_batch
@@ -94,6 +102,7 @@ __all__ = [
     "Robust",
     "SavedThrow",
     "Scene",
+    "SentMotion",
     "SentThrow",
     "Session",
     "State",
@@ -118,10 +127,9 @@ __all__ = [
     "plan",
     "plan_cycle",
     "reach_map",
-    "read_cycle",
+    "read_motion",
     "read_plan",
     "replay",
-    "save_cycle",
     "scene_names",
     "scene_text",
     "simulate",

@@ -11,7 +11,7 @@ from ..models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ..problems import InputError, Pose, Scene
 from .planner import Planner
 from .result import Plan, throw_of
-from .show import RED, Panel, space_throw
+from .show import RED, Panel, space_motion
 
 #: Time limits [s] of the plans for one target: the target may move while it plans, so the first
 #: plan is quick; the second is made where the first one fails and the target still stands.
@@ -33,7 +33,7 @@ class PlayPage:
         self._changed, self._showing, self.ended = threading.Event(), threading.Lock(), False
         self.status = server.gui.add_markdown(plan_words(plan))
         self._add_controls(server)
-        self.panel = Panel(server, space_throw(throw_of(plan)))
+        self.panel = Panel(server, space_motion(throw_of(plan)))
         self.panel.go(self.panel.throw.throw.opening_time)
         self._nearest = server.scene.add_frame("/nearest", show_axes=False, visible=False)
         self.panel.view.add_bar("/nearest/bar", RED, 0.5)
@@ -125,7 +125,7 @@ class PlayPage:
             view = self.panel.view
             if plan.solved:
                 self.plan = plan
-                self.panel.change(space_throw(throw_of(plan)))
+                self.panel.change(space_motion(throw_of(plan)))
             view.aim(plan.target)
             view.fade(not plan.solved)
             self._nearest.visible = plan.nearest is not None

@@ -13,7 +13,7 @@ from .bodies import (
     hand_pairs,
     overlap,
 )
-from .in_space import SpatialScene
+from .in_space import WAITS, SpatialScene
 from .outlines import (
     bar_ends,
     bar_outline,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,10 +11,15 @@ import numpy as np
 
 from ...models import Array, read_only
 from ...models.robot import PadMotion, PlanarArm, Solid, SpatialArm
-from ...problems import Scene, ThrowPlane
+from ...problems import Obstacle, Scene, ThrowPlane
 from ..throw import Manipulator
 from .bodies import CollisionScene, KeepOut, SweptBodies, bar_radii
 from .outlines import bar_ends, held_bar
+
+#: What follows the name of an object that waits in that of its obstacle.
+WAITS = " at its pick"
+#: Length [m] of a capsule that is a ball.
+BALL = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +152,31 @@ class SpatialScene:
                     box = Solid((begin + end) / 2, np.eye(3), (end - begin) / 2, 0.0)
                     found.append(KeepOut("hand", box, 0.0))
         return CollisionScene(self.scene, tuple(found), None)
+
+    def waiting_object(self, joints: Array, name: str) -> tuple[Obstacle, ...]:
+        """The capsules of the object at its pick, where the hand takes it with joints (n,)."""
+        q, found = joints[None], list[Obstacle]()
+        ends = self.held_ends(self.spatial.pads(q, 0 * q, 0 * q))[..., 0]
+        for (begin, end), radius in zip(ends, bar_radii(self.scene.object), strict=True):
+            way = end - begin
+            found.append(
+                Obstacle(
+                    name=name + WAITS,
+                    kind="capsule",
+                    size=(radius, max(float(np.linalg.norm(way)), BALL)),
+                    position=tuple(((begin + end) / 2).tolist()),
+                    yaw=math.atan2(way[1], way[0]),
+                    pitch=math.atan2(math.hypot(way[0], way[1]), way[2]),
+                )
+            )
+        return tuple(found)
+
+    def among(self, obstacles: tuple[Obstacle, ...]) -> SpatialScene:
+        """The scene with more obstacles."""
+        if not obstacles:
+            return self
+        scene = self.scene.replace(obstacle=(*self.scene.obstacle, *obstacles))
+        return SpatialScene(scene, self.manipulator)
 
     def object_in_pads(self, q: Array, joints: Array) -> Array:
         """Ends (K, 2, 3, N) [m] of the axes of the object's capsules in the frame of the pads with

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ...problems.job_files import load_jobs
-from ..cycle import CYCLE_FILES, plan_cycle, save_cycle
+from ..cycle import CYCLE_FILES, plan_cycle
 from .common import (
     DONE,
     Add,
@@ -37,7 +37,7 @@ def cycle(options: argparse.Namespace) -> int:
     patience = {} if options.patience is None else {"patience": options.patience}
     with Progress(jobs.name) as progress:
         found = plan_cycle(jobs, progress=progress.about, **patience)
-    save_out(options, jobs.name, lambda folder: save_cycle(found, folder))
+    save_out(options, jobs.name, found.save)
     if not found.solved:
         print_result(options, found.to_dict(), f"{jobs.name}: not solved")
         return fail(found.message)

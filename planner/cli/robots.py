@@ -12,7 +12,7 @@ from pathlib import Path
 from ...problems import InputError
 from ...problems.files import filling, prepare_folder
 from .. import robot
-from ..cycle import is_cycle
+from ..result import SentMotion, is_cycle
 from ..throw import TICK
 from ..verdict import outside_tolerance
 from .common import DONE, Add, add_out, integer, print_result, report_step, written
@@ -85,18 +85,18 @@ def run(options: argparse.Namespace) -> int:
             runs.append({"file": str(folder / name)} | recording.to_dict(plan))
             lines.append(f"{folder / name}: {recording.summary(plan)}")
             report_step(lines[-1])
-    print_result(options, {"scene": plan.throw.scene.name, "runs": runs}, "\n".join(lines))
+    print_result(options, {"scene": plan.name, "runs": runs}, "\n".join(lines))
     return DONE
 
 
-def _rehearse(options: argparse.Namespace, plan: robot.JointMotion, sent: robot.JointMotion) -> int:
+def _rehearse(options: argparse.Namespace, plan: SentMotion, sent: SentMotion) -> int:
     """Send the motion slowly, without an opening."""
     report_step(f"connecting to {options.robot}")
     question = QUESTIONS[plan.picks][1]
     with robot.connected(options.robot) as franka:
         found = robot.rehearse(franka, plan, sent, partial(_confirm, options.yes, question))
     assert found.width is not None
-    name, duration = plan.throw.scene.name, float(found.times[-1])
+    name, duration = plan.name, float(found.times[-1])
     lag, widths = float(abs(found.q - found.sent).max()), found.width[[0, -1]].tolist()
     text = (
         f"{name}: rehearsed in {duration:.1f} s; joints lag by {lag:.3f} rad; the gripper stayed "
@@ -107,26 +107,23 @@ def _rehearse(options: argparse.Namespace, plan: robot.JointMotion, sent: robot.
     return DONE
 
 
-def _print_motion(options: argparse.Namespace, sent: robot.JointMotion) -> int:
+def _print_motion(options: argparse.Namespace, sent: SentMotion) -> int:
     """Print the motion; with a robot, check that it is ready."""
     facts = robot.motion_facts(sent)
     count = f"{len(sent.carries)} picks and throws, " if sent.picks else ""
     first = ", ".join(f"{angle:.4f}" for angle in facts["start"])
     lines = [
-        f"{sent.throw.scene.name}: {count}{facts['samples']} samples in {facts['duration']:.3f} s "
-        f"to {sent.arm.name}, from q = [{first}] rad"
+        f"{sent.name}: {count}{facts['samples']} samples in {facts['duration']:.3f} s "
+        f"to {facts['robot']}, from q = [{first}] rad"
     ]
     for one in sent.carries:
-        opens = f"opening command {1e3 * one.open.time:.1f} ms after the first"
-        if one.pick:
-            closes = f"command to close {1e3 * one.close.time:.1f} ms"
-            lines.append(f"  {one.pick}: the gripper's {closes}, {opens}")
-        else:
-            lines.append(f"  the gripper's {opens}")
+        closes = f"command to close {1e3 * TICK * one.reach:.1f} ms, " if one.pick else ""
+        opens = f"opening command {1e3 * one.command_time:.1f} ms after the first"
+        lines.append(f"  {one.name}: the gripper's {closes}{opens}")
     way = None
     if options.robot is not None:
         with robot.connected(options.robot) as franka:
-            start, _ = franka.check(sent.arm)
+            start, _ = franka.check(robot.arm_of(sent))
         way = robot.approach(sent, start)
         seconds = (len(way) - 1) * TICK
         facts["approach"] = {"from": start.tolist(), "duration": seconds}
@@ -183,7 +180,7 @@ def correct(options: argparse.Namespace) -> int:
         "motion": robot.motion_facts(sent),
     }
     text = (
-        f"{plan.throw.scene.name}: {recording.summary(plan)}\n"
+        f"{plan.name}: {recording.summary(plan)}\n"
         f"  the corrected motion: expected landing error {1e3 * dx:.1f} mm and "
         f"{math.degrees(dtheta):.2f} deg, {'outside' if outside else 'within'} the tolerance"
     )

@@ -11,7 +11,6 @@ from typing import Any
 
 from ...problems.scene_files import load_scene
 from .. import robot
-from ..cycle import is_cycle
 from ..planner import Planner
 from ..play import PlayPage, first_plan
 from ..rest import load_mujoco
@@ -73,8 +72,7 @@ def view(options: argparse.Namespace) -> int:
     example: throwplan view out/cup/plan.json
     """
     with Progress("reading and throwing the plan"):
-        cycle = is_cycle(options.plan)
-        space, why = (robot.cycle_in_space if cycle else robot.throw_to_rest)(options.plan)
+        space, why = robot.motion_to_rest(options.plan)
     if why:
         report_step(f"the bar stops at the target: {why}")
     files = {kind: getattr(options, kind) for kind in ("png", "mp4")}
@@ -131,15 +129,14 @@ def replay_arguments(add: Add) -> None:
 
 
 def replay(options: argparse.Namespace) -> int:
-    """Simulate a plan's release, or all of a cycle, in MuJoCo.
+    """Simulate the motion of a plan or a cycle in MuJoCo.
 
     example: throwplan replay out/cup/plan.json
     """
     load_mujoco("replay")
     prepare_out(options)
-    simulate = robot.replay_cycle if is_cycle(options.plan) else robot.replay
     with Progress(f"{options.plan}: throwing in MuJoCo"):
-        result = simulate(options.plan, restitution=options.restitution)
+        result = robot.replay(options.plan, restitution=options.restitution)
     save_out(options, options.plan, result.save)
     print_result(options, result.to_dict(), result.summary() + written(options))
     return DONE
@@ -166,25 +163,15 @@ def export(options: argparse.Namespace) -> int:
         motion = robot.export(
             options.plan, **folders, names=options.joint_names, open_width=options.open_width
         )
-    duration, opening = float(motion.times[-1]), motion.carries[0].open
-    result = folders | {"duration": duration}
-    opened = [one.open.time for one in motion.carries]
-    words = f"command {opening.time:.3f} s after the first"
-    if motion.picks:
-        closed = [one.close.time for one in motion.carries]
-        result |= {"closing_times": closed, "command_times": opened}
-        words = (
-            f"commands to close at {', '.join(f'{time:.3f}' for time in closed)} s and to open at "
-            f"{', '.join(f'{time:.3f}' for time in opened)} s"
-        )
-    else:
-        result |= {
-            "command_time": opening.time,
-            "cycle": opening.cycle,
-            "fraction": opening.fraction,
-        }
-    name, count = motion.throw.scene.name, len(motion.times)
-    lines = [f"{name}: {count} samples, {duration:.3f} s; gripper {words}"]
+    commands = [
+        {"time": one.time, "command": "grasp" if one.force else "open", "cycle": one.cycle}
+        | {"fraction": one.fraction}
+        for one in robot.commands_of(motion)
+    ]
+    result = folders | {"duration": motion.duration, "commands": commands}
+    words = ", ".join(f"{one['command']} {one['time']:.3f} s" for one in commands)
+    count = len(motion.times)
+    lines = [f"{motion.name}: {count} samples, {motion.duration:.3f} s; gripper: {words}"]
     lines += [f"  written to {name}" for name in folders.values() if name]
     print_result(options, result, "\n".join(lines))
     return DONE

@@ -2,9 +2,7 @@
 of hand poses."""
 
 from .connections import at_rest, joined, lifted_pose, raised_pose
-from .cycle import Cycle, CycleStep, UnsolvedError
-from .files import CYCLE_FILES, gripper_commands, is_cycle, read_cycle, save_cycle
+from .cycle import CYCLE_FILES, Cycle, UnsolvedError
 from .inverse_kinematics import HandPose, inverse_kinematics
 from .planning import plan_cycle
 from .slowing import slowed_transfer
-from .waiting import WAITS

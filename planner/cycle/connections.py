@@ -14,10 +14,10 @@ import numpy as np
 
 from ...models import Array
 from ..clearance import SpatialScene
-from ..result import Plan, joint_samples, sent_throw
+from ..result import Plan, joint_samples, part_thrown, sent_throw
 from ..throw import TICK, Samples, State, Throw, Transfer, joint_limits, transfer
 from ..verdict import Finding, first_finding, flight_findings, flight_gaps
-from .cycle import UnsolvedError, part_thrown
+from .cycle import UnsolvedError
 from .inverse_kinematics import joint_rates
 from .slowing import slowed_transfer
 
@@ -293,10 +293,10 @@ class Ends:
             for found in itertools.islice(direct(self.space, *states), 1):
                 yield option_of((begin, found, goal), DIRECT)
 
-    def slower(self, *, held: bool) -> Iterator[Option]:
+    def slower(self) -> Iterator[Option]:
         """Motions slowed until the verdict allows them, direct and by a raised pose; then by shares
         of the limits, direct and by a lifted pose over the pick."""
-        pick = self.begins[0].q[0] if held else self.goals[0].q[-1]
+        pick = self.goals[0].q[-1]
         middle = raised_pose(self.space, pick)
         for rank in (0, -1):
             begin, goal = self.begins[rank], self.goals[rank]
@@ -304,7 +304,7 @@ class Ends:
             for states, route in (((start, end), DIRECT), ((start, middle, end), RAISED)):
                 try:
                     parts = [
-                        slowed_transfer(self.space, *pair, held=held)
+                        slowed_transfer(self.space, *pair, held=False)
                         for pair in itertools.pairwise(states)
                     ]
                 except UnsolvedError:
@@ -332,24 +332,16 @@ def rest_connection(
     ends: Ends,
     hit: Callable[[Samples], int],
     blocked: int,
-    come: Callable[[Samples], Sequence[Finding]] | None,
+    come: Callable[[Samples], Sequence[Finding]],
 ) -> Connection:
-    """From rest to rest; hit, blocked: as of `Connection`.
-
-    come: what the open hand touches at the end; None if the hand holds an object.
-    """
+    """From rest to rest; hit, blocked: as of `Connection`; come: what the open hand touches at the
+    end."""
 
     def judge(found: Option) -> Finding | None:
-        broken = first_finding(ends.space, found.samples, held=come is None)
-        return broken or next(iter(come(found.samples) if come else ()), None)
+        broken = first_finding(ends.space, found.samples, held=False)
+        return broken or next(iter(come(found.samples)), None)
 
-    return Connection(
-        ends.fastest(),
-        lambda: ends.slower(held=come is None),
-        judge,
-        lambda found: hit(found.samples),
-        blocked,
-    )
+    return Connection(ends.fastest(), ends.slower, judge, lambda found: hit(found.samples), blocked)
 
 
 def leave_connection(
@@ -370,7 +362,7 @@ def leave_connection(
 
     return Connection(
         ends.fastest(),
-        lambda: itertools.chain(ends.slower(held=False), ends.after_brake(one)),
+        lambda: itertools.chain(ends.slower(), ends.after_brake(one)),
         judge,
         lambda found: hit(found.samples),
         blocked,

@@ -48,23 +48,18 @@ class Network:
         if self.home is None:
             return None
         ends = Ends(self.throws[0].space, [still(self.home, 0)], self.approaches[pick].towards)
-        return self._from_rest(("first", pick), ends, pick, held=False)
+        hits = self._hits(ends.space, pick, held=False)
+        come = self._come(pick)
+        return self._connection(("first", pick), lambda: rest_connection(ends, *hits, come))
 
-    def enter(self, pick: int, throw: int, *, stop: bool = False) -> Connection:
-        """From a pick into a throw; stop: to rest at the throw's start."""
+    def enter(self, throw: int) -> Connection:
+        """From its pick into a throw."""
         one = self.throws[throw]
-        if stop:
-            goal = still(at_rest(one.samples.q[0]), 0)
-            ends = Ends(one.space, self.approaches[pick].away, [goal])
-            return self._from_rest(("enter at rest", pick, throw), ends, pick, held=True)
-        return self._connection(("enter", pick, throw), lambda: self.entering(one))
+        return self._connection(("enter", throw), lambda: self.entering(one))
 
-    def leave(self, throw: int, goal: int, *, stop: bool = False) -> Connection:
-        """From a throw to a pick, or to home for -1; stop: from rest after the throw's brake."""
+    def leave(self, throw: int, goal: int) -> Connection:
+        """From a throw to a pick, or to home for -1."""
         one = self.throws[throw]
-        if stop:
-            ends = Ends(one.space, [still(at_rest(one.samples.q[-1]), 0)], self.ends(goal))
-            return self._from_rest(("leave at rest", throw, goal), ends, goal, held=False)
         return self._connection(("leave", throw, goal), lambda: self.leaving(one, goal))
 
     def entering(self, one: CycleThrow) -> Connection:
@@ -104,17 +99,6 @@ class Network:
         assert self.home is not None
         return [still(self.home, 0)]
 
-    def _from_rest(
-        self, key: tuple[object, ...], ends: Ends, pick: int, *, held: bool
-    ) -> Connection:
-        """From rest to rest, from or to a pick."""
-
-        def make() -> Connection:
-            hits = self._hits(ends.space, pick, held=held)
-            return rest_connection(ends, *hits, None if held else self._come(pick))
-
-        return self._connection(key, make)
-
     def _connection(self, key: tuple[object, ...], make: Callable[[], Connection]) -> Connection:
         if key not in self._connections:
             self._connections[key] = make()
@@ -127,7 +111,7 @@ class Network:
         enter: Array = np.full((len(picks), len(throws)), np.inf)
         passing = dict[int, list[Passing]](), dict[int, list[Passing]]()
         for c, one in enumerate(self.throws):
-            way = self.enter(one.pick, c)
+            way = self.enter(c)
             enter[one.pick, c] = way.time()
             if way.hits:
                 passing[0].setdefault(one.pick, []).append((c, way.time, 0.0))
@@ -169,44 +153,31 @@ class Network:
 
     def hitting(self) -> list[CycleThrow]:
         """The throws into which every allowed motion hits an object that waits."""
-        ways = [self.enter(one.pick, c) for c, one in enumerate(self.throws)]
+        ways = [self.enter(c) for c in range(len(self.throws))]
         everything = (1 << len(self.picks)) - 1
         each = zip(self.throws, ways, strict=True)
         return [one for one, way in each if way.best() and way.time(everything) == math.inf]
 
     def connections(
-        self, order: Sequence[int], chosen: Sequence[int], *, stop: bool = False
+        self, order: Sequence[int], chosen: Sequence[int]
     ) -> list[tuple[Connection, int]]:
         """The motions of an order, in turn: from home, then into and out of each throw. Each with
         the picks whose objects wait meanwhile, but the one that the hand comes for."""
         first, waiting = self.first(order[0]), sum(1 << pick for pick in order[1:])
         found = [] if first is None else [(first, waiting)]
         ends = [*order[1:], -1 if self.home is not None else order[0]]
-        for pick, throw, end in zip(order, chosen, ends, strict=True):
-            found.append((self.enter(pick, throw, stop=stop), waiting))
+        for throw, end in zip(chosen, ends, strict=True):
+            found.append((self.enter(throw), waiting))
             waiting &= ~(1 << end) if end >= 0 else 0
-            found.append((self.leave(throw, end, stop=stop), waiting))
+            found.append((self.leave(throw, end), waiting))
         return found
-
-    def with_stops(self, order: Sequence[int], chosen: Sequence[int]) -> float:
-        """Time [s] of the same throws one after another, each from rest to rest; where waiting
-        objects let no such motion pass, as if they were not there."""
-        motions = 0.0
-        for connection, waiting in self.connections(order, chosen, stop=True):
-            connection.settle(waiting)
-            if connection.best(waiting) is None:
-                connection.settle()
-            motions += connection.time(0 if connection.best(waiting) is None else waiting)
-        swings = sum(float(self.throws[c].throw.samples.times[-1]) for c in chosen)
-        waits = sum(pick.grasp_time for pick in self.jobs.picks)
-        return motions + swings + waits
 
     def _why(self) -> str:
         """Why there is no order: the first pick that cannot be thrown or reached."""
         refused, numbers = list[Connection](), range(len(self.throws))
         for p, pick in enumerate(self.jobs.picks):
             own = [c for c in numbers if self.throws[c].pick == p]
-            ways = [self.enter(p, c) for c in own]
+            ways = [self.enter(c) for c in own]
             if all(connection.best() is None for connection in ways):
                 return f"{pick.name}: no motion from the pick into a throw: {_words(ways)}"
             # The way back from its own throw to a pick is used if there is no other.

@@ -1,15 +1,12 @@
 """The order of picks and the throw of each in the least time: dynamic programming.
 
 Only the last throw and the set of picks that are done matter for what comes next: the others wait
-at their picks, and motions that would hit them take another way. Up to `EXACT`
-picks all orders are compared; of more, an order grows by the cheapest insertion and is improved by
-reversals of its parts, its throws always chosen exactly.
+at their picks, and motions that would hit them take another way.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,8 +15,6 @@ import numpy as np
 
 from ...models import Array
 
-#: Largest number of picks of which all orders are compared.
-EXACT = 10
 #: Times [s] that differ by less are equal.
 SAME = 1e-9
 
@@ -109,9 +104,6 @@ def best_round(times: Times) -> tuple[float, list[int], list[int]]:
 def best_order(times: Times, begin: int | None = None) -> tuple[float, list[int], list[int]]:
     """Time [s], picks and throws of the fastest order; begin: the first pick, None for any."""
     count = len(times.first)
-    if count > EXACT:
-        order = _inserted(times, begin)
-        return times.least_time(order)[0], order, times.least_time(order)[1]
     # By the set of picks that are done, as bits: the least time for each last throw (C,), and the
     # pick and the throw before it.
     done: dict[int, Array] = {}
@@ -144,25 +136,3 @@ def best_order(times: Times, begin: int | None = None) -> tuple[float, list[int]
         found_throws.append(throw)
         chosen, throw = chosen & ~(1 << pick), before
     return float(total.min()), order[::-1], found_throws[::-1]
-
-
-def _inserted(times: Times, begin: int | None) -> list[int]:
-    """An order by cheapest insertion, improved by reversals of its parts."""
-    count = len(times.first)
-    order = [0 if begin is None else begin]
-    low = 0 if begin is None else 1
-    left = [pick for pick in range(count) if pick not in order]
-    while left:
-        ways = [[*order[:k], pick, *order[k:]] for pick in left for k in range(low, len(order) + 1)]
-        order = min(ways, key=lambda way: times.least_time(way)[0])
-        left = [pick for pick in left if pick not in order]
-    best = times.least_time(order)[0]
-    better = True
-    while better:
-        better = False
-        for a, b in itertools.combinations(range(low, count + 1), 2):
-            way = [*order[:a], *order[a:b][::-1], *order[b:]]
-            time = times.least_time(way)[0]
-            if time < best - SAME:
-                order, best, better = way, time, True
-    return order

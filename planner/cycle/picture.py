@@ -13,27 +13,27 @@ from ..throw import TICK
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .cycle import Cycle
+    from ..result import SentMotion
 
 #: Colours of what happens to an object.
 COLOURS = {"grasp": TEAL, "swing": BLUE, "release": ORANGE, "flight": GREEN, "on to the next": GREY}
 
 
 @own_style()
-def draw_cycle(cycle: Cycle, path: Path) -> None:
-    """Draw a solved cycle: timeline above, floor plan below."""
-    figure = new_figure(9.5, 5.0 + 0.3 * len(cycle.steps), f"{cycle.name}: {cycle.message}")
-    above, below = figure.subplots(2, 1, height_ratios=[1.0 + 0.3 * len(cycle.steps), 4.0])
-    _draw_times(above, cycle)
-    _draw_floor(below, cycle)
+def draw_cycle(motion: SentMotion, title: str, path: Path) -> None:
+    """Draw a cycle's motion: timeline above, floor plan below."""
+    count = len(motion.carries)
+    figure = new_figure(9.5, 5.0 + 0.3 * count, title)
+    above, below = figure.subplots(2, 1, height_ratios=[1.0 + 0.3 * count, 4.0])
+    _draw_times(above, motion)
+    _draw_floor(below, motion)
     save(figure, path)
 
 
-def _draw_times(axes: Axes, cycle: Cycle) -> None:
+def _draw_times(axes: Axes, motion: SentMotion) -> None:
     """A row for each object."""
-    ends = [TICK * step.reach for step in cycle.steps[1:]] + [cycle.duration]
-    for row, (step, throw, end) in enumerate(zip(cycle.steps, cycle.throws, ends, strict=True)):
-        lands = TICK * step.join + throw.landing_time
+    ends = [TICK * step.reach for step in motion.carries[1:]] + [motion.duration]
+    for row, (step, end) in enumerate(zip(motion.carries, ends, strict=True)):
         pieces = {
             "grasp": (TICK * step.reach, TICK * step.held),
             "swing": (TICK * step.held, step.opening_time),
@@ -43,8 +43,10 @@ def _draw_times(axes: Axes, cycle: Cycle) -> None:
         for name, (begin, until) in pieces.items():
             axes.barh(row, until - begin, 0.5, begin, color=COLOURS[name], zorder=2)
         begin = step.detach_time
-        axes.barh(row + 0.33, lands - begin, 0.14, begin, color=COLOURS["flight"], zorder=2)
-    labels = [f"{step.pick} → {step.bin}" for step in cycle.steps]
+        axes.barh(
+            row + 0.33, step.landing_time - begin, 0.14, begin, color=COLOURS["flight"], zorder=2
+        )
+    labels = [f"{step.pick} → {step.bin}" for step in motion.carries]
     axes.set_yticks(range(len(labels)), labels, fontsize=8)
     for name, colour in COLOURS.items():
         axes.barh(0, 0.0, color=colour, label=name)
@@ -52,17 +54,18 @@ def _draw_times(axes: Axes, cycle: Cycle) -> None:
     axes.legend(fontsize=7, loc="upper right")
     axes.invert_yaxis()
     axes.grid(axis="x", alpha=0.3, lw=0.6, zorder=0)
-    axes.set(xlim=(0.0, cycle.duration), xlabel="time [s]")
+    axes.set(xlim=(0.0, motion.duration), xlabel="time [s]")
 
 
-def _draw_floor(axes: Axes, cycle: Cycle) -> None:
+def _draw_floor(axes: Axes, motion: SentMotion) -> None:
     """Picks, bins, the way of the pads and the flights, from above."""
-    q = cycle.samples.q[::5]
-    spatial = cycle.steps[0].space.spatial
+    q = motion.samples.q[::5]
+    spatial = motion.carries[0].space.spatial
     x, y, _ = spatial.pads(q, 0.0 * q, 0.0 * q).pose[:, :3, 3].T
     axes.plot(x, y, color=GREY, lw=0.8, zorder=2, label="pads")
     bins, picks = dict[str, tuple[float, float]](), list[tuple[float, float, str]]()
-    for step, throw in zip(cycle.steps, cycle.throws, strict=True):
+    for step in motion.carries:
+        throw = step.throw
         times = np.linspace(0.0, throw.landing.flight_time, 20)
         flown = throw.flight(times)
         points = throw.target.plane.points(flown[0], flown[1])

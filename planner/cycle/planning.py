@@ -20,7 +20,6 @@ from .connections import LIFTS, CycleThrow, at_rest, lifted_pose
 from .cycle import Cycle, UnsolvedError
 from .inverse_kinematics import HandPose, throwing_pose
 from .network import Network
-from .order import EXACT
 from .sequence import sequence
 from .waiting import WaitingObjects
 
@@ -28,6 +27,8 @@ from .waiting import WaitingObjects
 PATIENCE = 3.0
 #: Largest number of bins into which throws of a pick are planned: those whose planes are nearest.
 MOST_BINS = 4
+#: Largest number of picks of which all orders are compared.
+EXACT = 10
 #: Time [s] that an object takes, for a first guess where moving bins are.
 CYCLE_TIME = 2.0
 #: Start poses [rad] that differ by less are one.
@@ -44,6 +45,9 @@ def plan_cycle(
     """
     started = time.perf_counter()
     checked("patience", patience, float, {"above": 0})
+    if jobs.order == "free" and len(jobs.picks) > EXACT:
+        words = f"has {len(jobs.picks)} picks: of more than {EXACT} give the order"
+        raise InputError(f"{jobs.name}: order = 'free': {words}: order = 'given'")
     say = progress or (lambda words: None)
     jobs = with_joints(jobs)
     objects = WaitingObjects(jobs) if len(jobs.picks) > 1 else None
@@ -57,16 +61,13 @@ def plan_cycle(
     try:
         order, chosen = _fastest(network, throws)
         say(f"{jobs.name}: joining the motions")
-        cycle = sequence(jobs, network, order, chosen, throws.again)
+        motion = sequence(jobs, network, order, chosen, throws.again)
     except UnsolvedError as error:
         spent = {"throws": planned, "total": time.perf_counter() - started}
         return Cycle(jobs.name, refused=str(error), time=spent)
-    stops = network.with_stops(order, chosen)
     total = time.perf_counter() - started
     spent = {"throws": planned, "transfers": total - planned, "total": total}
-    searched = "exact" if len(jobs.picks) <= EXACT else "insertion"
-    known = jobs.order if jobs.order == "given" else searched
-    return dataclasses.replace(cycle, stops=stops, time=spent, order=known)
+    return Cycle(jobs.name, motion, jobs.order if jobs.order == "given" else "exact", spent)
 
 
 def _fastest(network: Network, throws: _Throws) -> tuple[list[int], list[int]]:

@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from ...problems.job_files import Jobs
+from ..result import Carry, SentMotion, part_thrown
 from ..throw import TICK
 from .connections import Connection, CycleThrow, Option, joined, still
-from .cycle import Cycle, CycleStep, UnsolvedError
+from .cycle import UnsolvedError
 
 if TYPE_CHECKING:
     from .network import Network
@@ -27,15 +28,15 @@ def sequence(
     order: Sequence[int],
     chosen: Sequence[int],
     again: Callable[[CycleThrow, float], CycleThrow | None],
-) -> Cycle:
-    """The cycle of picks in this order with these throws.
+) -> SentMotion:
+    """The motion through picks in this order with these throws.
 
     again: a throw for where its bin is at a time [s]. Raises UnsolvedError if a moving bin is not
     met.
     """
     connections = network.connections(order, chosen)
     parts = [_best(*connections.pop(0)).samples] if len(connections) % 2 else []
-    tick, steps = sum(len(part.q) - 1 for part in parts), list[CycleStep]()
+    tick, carries = sum(len(part.q) - 1 for part in parts), list[Carry]()
     ends = [*order[1:], -1 if network.home is not None else order[0]]
     for n, (number, end) in enumerate(zip(order, ends, strict=True)):
         pick, one, state = jobs.picks[number], network.throws[chosen[n]], network.picks[number]
@@ -49,16 +50,16 @@ def sequence(
         way, back = _best(*enter), _best(*leave)
         reach, held = tick, held + wait
         join = held + len(way.samples.q) - 1
-        thrown = one.samples[way.join : one.free + 1]
-        parts += [still(state, held - tick), way.samples, thrown, back.samples]
+        swing = joined([way.samples, one.samples[way.join : one.free + 1]])
+        parts += [still(state, held - tick), swing, back.samples]
         origin = TICK * (join - way.join)
         scene = one.throw.scene.aimed_at(target.at(origin + one.throw.landing_time))
-        opening = origin + one.throw.opening_time
-        free = join + one.free - way.join
-        names = pick.name, one.bin
-        steps.append(CycleStep(*names, scene, reach, held, join, free, opening))
+        opening, free = origin + one.throw.opening_time - TICK * held, held + len(swing.q) - 1
+        part = join - held, free - held, opening
+        throw = part_thrown(scene, one.throw.manipulator, swing, *part)
+        carries.append(Carry(throw, join, free, pick.name, one.bin, reach, held))
         tick = free + len(back.samples.q) - 1
-    return Cycle(jobs.name, tuple(steps), joined(parts))
+    return SentMotion(jobs.name, joined(parts), tuple(carries))
 
 
 def _best(connection: Connection, waiting: int) -> Option:

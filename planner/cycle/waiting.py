@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from functools import cached_property
 
 import numpy as np
@@ -13,42 +12,9 @@ from ...models import Array
 from ...models.robot import segment_distance
 from ...problems import InputError, Obstacle
 from ...problems.job_files import Jobs
-from ..clearance import SpatialScene, bar_radii, contacts
+from ..clearance import SpatialScene, contacts
 from ..throw import Samples, Throw, make_manipulator
 from ..verdict import obstacles_hit
-
-#: What follows an object's name in that of its obstacle.
-WAITS = " at its pick"
-#: Length [m] of a capsule that is a ball.
-BALL = 1e-9
-
-
-def waiting_object(space: SpatialScene, joints: Array, name: str) -> tuple[Obstacle, ...]:
-    """The capsules of a scene's object at its pick, where the hand takes it with joints (n,)."""
-    q = joints[None]
-    ends = space.held_ends(space.spatial.pads(q, 0 * q, 0 * q))[..., 0]
-    found = list[Obstacle]()
-    for (begin, end), radius in zip(ends, bar_radii(space.scene.object), strict=True):
-        way = end - begin
-        found.append(
-            Obstacle(
-                name=name + WAITS,
-                kind="capsule",
-                size=(radius, max(float(np.linalg.norm(way)), BALL)),
-                position=tuple(((begin + end) / 2).tolist()),
-                yaw=math.atan2(way[1], way[0]),
-                pitch=math.atan2(math.hypot(way[0], way[1]), way[2]),
-            )
-        )
-    return tuple(found)
-
-
-def among(space: SpatialScene, obstacles: Sequence[Obstacle]) -> SpatialScene:
-    """A scene with more obstacles."""
-    if not obstacles:
-        return space
-    scene = space.scene.replace(obstacle=(*space.scene.obstacle, *obstacles))
-    return SpatialScene(scene, space.manipulator)
 
 
 class WaitingObjects:
@@ -62,7 +28,7 @@ class WaitingObjects:
         self._spaces = [SpatialScene(scene, make_manipulator(scene)) for scene in scenes]
         self._joints = [np.array(pick.joints) for pick in jobs.picks]
         each = zip(self._spaces, self._joints, jobs.picks, strict=True)
-        self._objects = [waiting_object(space, q, pick.name) for space, q, pick in each]
+        self._objects = [space.waiting_object(q, pick.name) for space, q, pick in each]
         self._refuse_overlaps(jobs)
 
     def _refuse_overlaps(self, jobs: Jobs) -> None:

@@ -8,7 +8,16 @@ from .files import (
     joint_samples,
     read_plan,
     read_samples,
+)
+from .motion import Carry, SentMotion
+from .motion_files import (
+    carry_entries,
+    is_cycle,
+    part_thrown,
+    read_motion,
+    saved_entries,
+    write_motion,
     write_table,
 )
-from .plan import Plan, draw_flight, plan_of, sent_throw, throw_of
+from .plan import Plan, draw_flight, plan_of, sent_motion, sent_throw, throw_of
 from .planned_throw import PLAIN, PlannedThrow

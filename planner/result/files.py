@@ -31,19 +31,6 @@ HAND_COLUMNS = (("x", "z", "theta"), ("vx", "vz", "omega"), ("ax", "az", "alpha"
 FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
 
 
-def write_motion(throw: Throw, path: Path) -> None:
-    """motion.csv: launch, release and brake at 1 kHz, the joints or the hand."""
-    samples, kinematics = throw.samples, throw.manipulator.kinematics
-    if isinstance(kinematics, PlanarArm):
-        values = joint_samples(kinematics, throw.target.plane.azimuth, samples)
-        columns = dict(zip(("q", "dq", "ddq"), values, strict=True))
-    else:
-        outputs = throw.manipulator.motion(samples.q.T, samples.dq.T, samples.ddq.T)
-        names = (name for row in HAND_COLUMNS for name in row)
-        columns = dict(zip(names, np.vstack([np.array(o) for o in outputs]), strict=True))
-    write_table(path, {"t": samples.times} | columns)
-
-
 def joint_samples(
     kinematics: PlanarArm, azimuth: float, samples: Samples
 ) -> tuple[Array, Array, Array]:
@@ -53,15 +40,6 @@ def joint_samples(
     throwing = [joint - 1 for joint in kinematics.throwing_joints]
     dq[:, throwing], ddq[:, throwing] = samples.dq, samples.ddq
     return q, dq, ddq
-
-
-def write_table(path: Path, columns: dict[str, Array]) -> None:
-    """Write a CSV of columns (N,), or (N, n) as name1, name2, ... ."""
-    names = list[str]()
-    for name, values in columns.items():
-        names += [name] if values.ndim == 1 else [f"{name}{j + 1}" for j in range(values.shape[1])]
-    table = np.column_stack(list(columns.values()))
-    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="", fmt="%.12g")
 
 
 @dataclass(frozen=True, repr=False, eq=False)

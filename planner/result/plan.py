@@ -24,7 +24,9 @@ from ..verdict import (
     drop_words,
     verdict,
 )
-from .files import FILES, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan, write_motion
+from .files import FILES, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan
+from .motion import SentMotion
+from .motion_files import read_motion, write_motion
 from .planned_throw import PLAIN, PlannedThrow
 from .recommended import assumed_words, exceeded, exceeded_words
 
@@ -216,7 +218,7 @@ class Plan:
         with filling(Path(folder), FILES) as scratch:
             if self.solved:
                 throw = sent_throw(self)
-                write_motion(throw, scratch / "motion.csv")
+                write_motion(SentMotion.of(throw), scratch / "motion.csv")
                 if draw:
                     start = time.perf_counter()
                     show.draw_throw(
@@ -389,6 +391,15 @@ def throw_of(plan: Plan | Throw | str | Path) -> Throw:
     if isinstance(plan, str | Path):
         return read_plan(plan)
     return plan if isinstance(plan, Throw) else sent_throw(plan)
+
+
+def sent_motion(source: SentMotion | Plan | Throw | str | Path) -> SentMotion:
+    """The motion of a plan, a throw, or of their files or a cycle's; InputError without one."""
+    if isinstance(source, SentMotion):
+        return source
+    if isinstance(source, str | Path):
+        return read_motion(source)
+    return SentMotion.of(throw_of(source))
 
 
 def plan_of(plan: Plan | SavedThrow | str | Path) -> Plan:

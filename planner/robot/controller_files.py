@@ -15,18 +15,27 @@ from ...models.robot import Arm
 from ...problems import InputError, checked
 from ...problems.files import filling, write_json
 from ..cycle import Cycle
-from ..result import Plan, write_table
+from ..result import Carry, Plan, SentMotion, write_table
 from ..throw import TICK, Samples, Throw
 from .franka import check_hand
 from .gripper import OPEN_WIDTH
-from .motions import Carry, GripperCommand, JointMotion, is_franka, joint_motion
+from .motions import (
+    GripperCommand,
+    arm_of,
+    commands_of,
+    grasp_of,
+    is_franka,
+    joint_motion,
+    opening_due,
+    opening_of,
+)
 from .watch import GRASP_CHECK, find_stops
 
 #: Allowed gaps [m] of an opened gripper: a larger number is in millimetres.
 WIDTHS = {"least": 0.001, "most": 0.5, "unit": "m"}
 #: Program for libfranka that throws the files beside it.
 FRANKA_PROGRAM = ("throw.cpp", "CMakeLists.txt")
-#: Files for libfranka; stops.csv only of a cycle.
+#: Files for libfranka.
 FRANKA_FILES = (
     *("joints.csv", "gripper.csv", "stops.csv", "franka.json", "franka.txt"),
     *FRANKA_PROGRAM,
@@ -40,17 +49,18 @@ ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
 
 
 def export(
-    plan: Plan | Throw | Cycle | str | Path,
+    plan: SentMotion | Plan | Throw | Cycle | str | Path,
     *,
     franka: str | Path | None = None,
     ros: str | Path | None = None,
     names: Sequence[str] | None = None,
     open_width: float | None = None,
-) -> JointMotion:
+) -> SentMotion:
     """Check an arm's plan or a cycle again and write it for robot controllers; returns the motion.
 
-    plan: a plan, a throw, a cycle, or the path of their file or of its folder. franka, ros: folders
-    for the files of libfranka and of ROS 2 (extra `ros`). names: of the joints in ROS, all of them;
+    plan: a plan, a throw, a cycle, a sent motion, or the path of their file or of its folder.
+    franka, ros: folders for the files of libfranka and of ROS 2 (extra `ros`). names: of all joints
+    in ROS;
     open_width [m]: gap of the opened gripper in its ROS commands, 0.08 where left out. Raises
     InputError for a plan that must not be sent and for folders that cannot be written.
     """
@@ -65,15 +75,16 @@ def export(
         # Refuse a missing extra before reading the plan.
         ros_typestore()
     motion = joint_motion(plan)
-    if franka is not None and not is_franka(motion.arm):
-        words = f"the plan's arm is {motion.arm.name}, must be a Franka; --ros takes any arm"
+    arm = arm_of(motion)
+    if franka is not None and not is_franka(arm):
+        words = f"the plan's arm is {arm.name}, must be a Franka; --ros takes any arm"
         raise InputError(f"--franka: {words}")
     if franka is not None:
         check_hand("--franka", motion)
-    joints = joint_names(motion.arm, names)
+    joints = joint_names(arm, names)
     commands = [
         GripperCommand(command.time, 0.0 if command.force else width, command.force)
-        for command in motion.commands
+        for command in commands_of(motion)
     ]
     with ExitStack() as stack:
         if franka is not None:
@@ -88,96 +99,83 @@ def export(
 # Files for libfranka.
 
 FRANKA_TEXT = """\
-{scene}, thrown by {arm}.
+{name}, thrown by {arm}.
 
 throw.cpp    throws it: cmake -B build && cmake --build build && build/throw HOST
              (needs libfranka 0.9 or newer; `throwplan run` does the same from Python).
 joints.csv   t and all joints, q [rad] and dq [rad/s], one row per control cycle of 1 ms.
-gripper.csv  {commands}: t [s], the row of joints.csv (0 is the first) in whose cycle
-             it goes out, and how much of that cycle has passed then.{more}
+gripper.csv  each command: t [s], the row of joints.csv (0 is the first) in whose cycle it goes
+             out, how much of that cycle has passed then; check: the row at which it must be done.
+             width and tolerance [m] of the gap, force [N] of a grasp, 0 of an opening; object: its
+             name.
+stops.csv    motions to rest: joints q [rad] that take the place of those of joints.csv from row
+             `cycle` on, one row per control cycle. All keep the limits, and meet nothing with
+             the object in the hand.
 franka.json  the same as numbers.
 
 The program moves slowly to the start pose, which is the first row,
    q = [{start}] rad,
 and asks before each motion. It sends a row per cycle without libfranka's rate limiter and
-low-pass filter, which would change the motion; it is within the limits as it is. {gripper} The
-last row is at rest, after {duration:.3f} s.
+low-pass filter, which would change the motion; it is within the limits as it is. {before}
+It watches the gripper. If at a row `check` this does not hold its object, or has not opened; if it
+loses the object on the way; or if its connection fails: it gets no further command, the arm follows
+the next of the stops, and the program ends with one line. The last row is at rest, after
+{duration:.3f} s. The plan takes the force to start falling {dwell:.1f} ms after the command to
+open, and to be zero {opening:.1f} ms after that; what your gripper and network really need belongs
+into the scene's [gripper] and [uncertainty] delay.
 
 Checked: position, velocity, acceleration and jerk of every joint, and what the scene asks;
 throwplan's README says what is not checked. Not checked: the way to the start pose.
 """
-PLAN_GRIPPER = """\
-The gripper's
-opening command goes out {command:.1f} ms after the first row, in row {cycle}. The plan takes the
-force to start falling {dwell:.1f} ms later and to be zero {opening:.1f} ms after that; what your
-gripper and network really need belongs into the scene's [gripper] and [uncertainty] delay."""
-CYCLE_FILES = """
-             check: the row at which it must be done. width and tolerance [m] of the gap,
-             force [N] of a grasp, 0 of an opening; object: its name.
-stops.csv    motions to rest: joints q [rad] that take the place of those of joints.csv from row
-             `cycle` on, one row per control cycle. All keep the limits, and meet nothing with
-             the object in the hand."""
-CYCLE_GRIPPER = """\
-The empty
-gripper opens before, grasps each of {count} objects at its pick, where the arm waits, and opens for
-its throw. The program watches it. If at a row `check` the gripper does not hold its object, or has
-not opened; if it loses the object on the way; or if its connection fails: it gets no further
-command, the arm follows the next of the stops, and the program ends with one line."""
+HELD = "The object is in the gripper before, held by its grasp command."
+PICKED = """The
+empty gripper opens before, grasps each object at its pick, where the arm waits, and opens for its
+throw."""
 
 
-def write_motion(motion: JointMotion, folder: Path) -> None:
+def write_motion(motion: SentMotion, folder: Path) -> None:
     """Write joints.csv and gripper.csv into `folder`, of a Franka all `FRANKA_FILES`."""
-    write_table(folder / "joints.csv", {"t": motion.times, "q": motion.q, "dq": motion.dq})
+    columns = {"t": motion.times, "q": motion.q, "dq": motion.samples.dq}
+    write_table(folder / "joints.csv", columns)
     (folder / "gripper.csv").write_text("\n".join(_gripper_rows(motion)) + "\n", encoding="utf-8")
-    if is_franka(motion.arm):
+    if is_franka(arm_of(motion)):
         _write_franka(motion, folder)
 
 
-def _write_franka(motion: JointMotion, folder: Path) -> None:
+def _write_franka(motion: SentMotion, folder: Path) -> None:
     """Write what a Franka's program needs beside joints.csv and gripper.csv."""
     write_json(folder / "franka.json", motion_facts(motion))
-    if motion.picks:
-        stops = find_stops(motion)
-        if not stops:
-            raise InputError("export: the arm can stop clear of everything nowhere in this cycle")
-        rows = [np.vstack([motion.q[stop.sample], stop.q]) for stop in stops]
-        begins = np.repeat([stop.sample for stop in stops], [len(q) for q in rows])
-        write_table(folder / "stops.csv", {"cycle": begins, "q": np.vstack(rows)})
-    throw, opening = motion.throw, motion.carries[0].open
-    gripper = CYCLE_GRIPPER if motion.picks else PLAN_GRIPPER
+    stops, throw, arm = find_stops(motion), motion.throw, arm_of(motion)
+    if not stops:
+        raise InputError("export: the arm can stop clear of everything nowhere in this motion")
+    rows = [np.vstack([motion.q[stop.sample], stop.q]) for stop in stops]
+    begins = np.repeat([stop.sample for stop in stops], [len(q) for q in rows])
+    write_table(folder / "stops.csv", {"cycle": begins, "q": np.vstack(rows)})
     words = FRANKA_TEXT.format(
-        scene=throw.scene.name,
-        arm=motion.arm.description or motion.arm.name,
-        commands="each command" if motion.picks else "the opening command",
-        more=CYCLE_FILES if motion.picks else "",
+        name=motion.name,
+        arm=arm.description or arm.name,
         start=", ".join(f"{angle:.6f}" for angle in motion.q[0]),
-        duration=motion.times[-1],
-        gripper=gripper.format(
-            count=len(motion.carries),
-            command=1e3 * opening.time,
-            cycle=opening.cycle,
-            dwell=1e3 * (throw.opening_time - throw.command_time),
-            opening=1e3 * throw.scene.gripper.profile().opening,
-        ),
+        before=PICKED if motion.picks else HELD,
+        duration=motion.duration,
+        dwell=1e3 * (throw.opening_time - throw.command_time),
+        opening=1e3 * throw.scene.gripper.profile().opening,
     )
     (folder / "franka.txt").write_text(words, encoding="utf-8")
     _write_programs(folder, FRANKA_PROGRAM)
 
 
-def _gripper_rows(motion: JointMotion) -> Iterator[str]:
-    """The lines of gripper.csv."""
-    header = "t,command,cycle,fraction"
-    yield f"{header},check,width,tolerance,force,object" if motion.picks else header
-    for carry in motion.carries:
-        checks = (carry.held - GRASP_CHECK, carry.due) if carry.pick else (None,)
-        commands = (carry.close, carry.open) if carry.pick else (carry.open,)
-        for command, check in zip(commands, checks, strict=True):
-            kind = "grasp" if command.force else "open"
-            row = f"{command.time:.12g},{kind},{command.cycle},{command.fraction:.6f}"
-            if carry.pick:
-                shape = f"{command.width:g},{command.tolerance:g},{command.force:g}"
-                row += f",{check},{shape},{carry.pick}"
-            yield row
+def _gripper_rows(motion: SentMotion) -> Iterator[str]:
+    """The lines of gripper.csv; the check after the last row is that at the end."""
+    yield "t,command,cycle,fraction,check,width,tolerance,force,object"
+    for number, carry in enumerate(motion.carries):
+        due = opening_due(motion, number)
+        checked = [(opening_of(carry), len(motion.q) if due is None else due)]
+        if carry.pick:
+            checked.insert(0, (grasp_of(carry), carry.held - GRASP_CHECK))
+        for one, check in checked:
+            kind = "grasp" if one.force else "open"
+            row = f"{one.time:.12g},{kind},{one.cycle},{one.fraction:.6f},{check}"
+            yield f"{row},{one.width:g},{one.tolerance:g},{one.force:g},{carry.name}"
 
 
 def _write_programs(folder: Path, names: Sequence[str]) -> None:
@@ -187,35 +185,34 @@ def _write_programs(folder: Path, names: Sequence[str]) -> None:
         (folder / name).write_text((programs / name).read_text(encoding="utf-8"), encoding="utf-8")
 
 
-def motion_facts(motion: JointMotion) -> dict[str, Any]:
-    """Start and times as JSON: SI units, radians; of a cycle the gripper's for each object."""
-    gripper = [_gripper_facts(one) for one in motion.carries]
+def motion_facts(motion: SentMotion) -> dict[str, Any]:
+    """Start and times as JSON: SI units, radians; of the gripper for each object."""
     return {
-        "scene": motion.throw.scene.name,
-        "robot": motion.arm.name,
+        "scene": motion.name,
+        "robot": arm_of(motion).name,
         "start": motion.q[0].tolist(),
         "end": motion.q[-1].tolist(),
-        "duration": float(motion.times[-1]),
+        "duration": motion.duration,
         "samples": len(motion.times),
-        "gripper": gripper if motion.picks else gripper[0],
+        "gripper": [_gripper_facts(one) for one in motion.carries],
     }
 
 
 def _gripper_facts(carry: Carry) -> dict[str, Any]:
     """Times of the gripper for an object, on the motion's clock."""
-    throw, opening, begin = carry.throw, carry.open, TICK * carry.begin
-    profile = throw.scene.gripper.profile()
+    scene, opening, grasp = carry.throw.scene, opening_of(carry), grasp_of(carry)
+    profile = scene.gripper.profile()
     found = {
         "command_time": opening.time,
         "cycle": opening.cycle,
         "fraction": opening.fraction,
         "dwell": profile.dwell,
-        "mean_delay": throw.scene.mean_delay,
-        "opening_time": begin + throw.opening_time,
+        "mean_delay": scene.mean_delay,
+        "opening_time": carry.opening_time,
         "opening": profile.opening,
-        "detach_time": begin + throw.detach_time,
+        "detach_time": carry.detach_time,
     }
-    picked = {"pick": carry.pick, "close_time": carry.close.time, "width": carry.close.width}
+    picked = {"pick": carry.pick, "close_time": grasp.time, "width": grasp.width}
     return (picked if carry.pick else {}) | found
 
 

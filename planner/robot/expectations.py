@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ..clearance import SweptBodies, bar_radii
+from ..clearance import SpatialScene, SweptBodies, bar_radii
+from ..result import SentMotion
 from .gripper import FORCES
-from .motions import Carry, JointMotion
+from .motions import arm_of, grasp_of, parts_of
 
 #: Torques [N m] below this are not named.
 UNFELT = 0.05
@@ -19,10 +20,9 @@ UNFELT = 0.05
 AXES = "xyz"
 
 
-def swept_bodies(carry: Carry, q: Array, times: Array, *, held: bool = True) -> SweptBodies:
+def swept_bodies(space: SpatialScene, q: Array, times: Array, *, held: bool = True) -> SweptBodies:
     """Arm with joints q (N, joints) at times (N,) [s], and the object in its hand if it is held;
     in the base frame. For an arm whose capsules are known."""
-    space = carry.space
     bar = space.held_ends(space.spatial.pads(q, 0 * q, 0 * q)) if held else None
     return space.bodies(q, times, bar)
 
@@ -34,7 +34,7 @@ class Expectations:
     way (N, joints) [rad]: every millisecond to its start pose, if it is known.
     """
 
-    motion: JointMotion
+    motion: SentMotion
     way: Array | None = None
 
     @cached_property
@@ -44,9 +44,9 @@ class Expectations:
         motion = self.motion
         if motion.throw.manipulator.capsules is None:
             return None
-        ways = [(carry, motion.q[part]) for carry, part in self.motion.parts()]
-        ways += [] if self.way is None else [(motion.carries[0], self.way)]
-        low, high = zip(*(_extent(carry, q) for carry, q in ways), strict=True)
+        ways = [(motion.carries[k].space, motion.q[part]) for k, part in parts_of(motion)]
+        ways += [] if self.way is None else [(motion.carries[0].space, self.way)]
+        low, high = zip(*(_extent(space, q) for space, q in ways), strict=True)
         return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
     @cached_property
@@ -65,7 +65,7 @@ class Expectations:
     @cached_property
     def loads(self) -> dict[str, tuple[float, Array]]:
         """Mass [kg] of each object, and its CoM (3,) [m] in the frame of the flange."""
-        arm = self.motion.arm
+        arm = arm_of(self.motion)
         *_, flange, hand = arm.placed(self.motion.q[0].tolist())
         to_flange, pads = flange[:3, :3].T @ hand[:3, :3], np.array([0.0, 0.0, arm.tool.tcp])
         return {
@@ -77,11 +77,12 @@ class Expectations:
     def thresholds(self) -> tuple[dict[int, float], float]:
         """Torque [N m] by joint and force [N] by which the controller errs because of the object:
         while the hand does not hold it, if it is set as load, and while it does, if it is not."""
-        motion, arm = self.motion, self.motion.arm
+        motion, arm = self.motion, arm_of(self.motion)
         torque, force = np.zeros(arm.joints), 0.0
-        for carry, part in self.motion.parts():
-            rows = motion.q[part], motion.dq[part], motion.ddq[part]
-            space, gravity = carry.space, carry.throw.scene.gravity
+        for number, part in parts_of(motion):
+            rows = motion.samples[part].rows
+            space = motion.carries[number].space
+            gravity = space.scene.gravity
             load = np.hstack(space.object_wrench(space.spatial.pads(*rows)))
             force = max(force, float(np.linalg.norm(load[:, :3], axis=1).max()))
             if arm.links:
@@ -99,7 +100,7 @@ class Expectations:
         return {
             "swept": swept,
             "flown": _ranges(self.flown),
-            "load": loads if self.motion.picks else loads[0],
+            "load": loads,
             "thresholds": {
                 "torque": {str(j): value for j, value in torque.items()},
                 "force": force,
@@ -137,7 +138,7 @@ class Expectations:
                 f"collision thresholds: above {limits} and {force:.0f} N, by which the controller "
                 f"errs {while_empty}; what its model errs comes on top"
             )
-        grip = max(carry.close.force for carry in self.motion.carries)
+        grip = max(grasp_of(carry).force for carry in self.motion.carries)
         if grip > FORCES[0]:
             lines.append(
                 f"grip force: {grip:g} N; a Franka Hand keeps {FORCES[0]:g} N for long, and "
@@ -146,12 +147,12 @@ class Expectations:
         return "\n".join([self.swept_words, *(f"  {line}" for line in lines)])
 
 
-def _extent(carry: Carry, q: Array) -> Array:
+def _extent(space: SpatialScene, q: Array) -> Array:
     """Lowest and highest place (2, 3) [m] of what moves with joints q (N, joints)."""
     q = q[np.unique(np.append(np.arange(0, len(q), 5), len(q) - 1))]
-    bodies = swept_bodies(carry, q, np.arange(0.0, len(q)))
-    parts = len(bar_radii(carry.throw.scene.object))
-    capsules = carry.space.kinematics.arm.capsules
+    bodies = swept_bodies(space, q, np.arange(0.0, len(q)))
+    parts = len(bar_radii(space.scene.object))
+    capsules = space.kinematics.arm.capsules
     moving = np.array([capsule.link > 0 for capsule in capsules] + [True] * parts)
     ends, around = bodies.ends[moving], bodies.reach[moving, None, None, None]
     low, high = ends - around, ends + around

@@ -15,11 +15,12 @@ from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError
 from ...problems.arms import load_arm
+from ..result import SentMotion
 from ..throw import TICK
 from ..workers import check_host
 from .gripper import FORCES, OPEN_WIDTH, SPEED, GripperLink, GripperState, load_franka
 from .gripper import PORT as GRIPPER_PORT
-from .motions import JointMotion, is_franka
+from .motions import arm_of, grasp_of, is_franka
 from .watch import GRASP_CHECK
 
 #: TCP ports of robot and gripper.
@@ -146,17 +147,17 @@ def check_arm(where: str | Path, arm: Arm) -> None:
                 )
 
 
-def check_motion(where: str | Path, motion: JointMotion) -> None:
+def check_motion(where: str | Path, motion: SentMotion) -> None:
     """InputError, naming `where`, unless an FR3 with its hand can send the motion."""
-    check_arm(where, motion.arm)
+    check_arm(where, arm_of(motion))
     check_hand(where, motion)
 
 
-def check_hand(where: str | Path, motion: JointMotion) -> None:
+def check_hand(where: str | Path, motion: SentMotion) -> None:
     """InputError, naming `where`, unless a Franka Hand has the scene's force and closes at a
     cycle's picks in time."""
     for carry in motion.carries:
-        scene, close = carry.throw.scene, carry.close
+        scene, close = carry.throw.scene, grasp_of(carry)
         if close.force > FORCES[1]:
             raise InputError(
                 f"{where}: {carry.name}: the grip force is {close.force:g} N, a Franka Hand has "

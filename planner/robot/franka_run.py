@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import gc
 import itertools
 from collections.abc import Callable, Iterator
@@ -14,14 +13,16 @@ import numpy as np
 from ...models import Array, Trajectory
 from ...models.robot import Arm
 from ...problems import InputError
-from ..cycle import WAITS, at_rest, joined, lifted_pose, raised_pose
+from ..clearance import SpatialScene
+from ..cycle import at_rest, joined, lifted_pose, raised_pose
+from ..result import SentMotion
 from ..throw import TICK, Samples, State, arm_excesses, joint_limits, transfer
 from ..verdict import Code, motion_verdict
 from .expectations import Expectations, swept_bodies
 from .franka import STILL, Franka, binding_errors
 from .gripper import GRASP_TOLERANCE, MOVED, OPEN_WIDTH, SPEED, GripperLink, GripperState
 from .learning import corrected
-from .motions import JointMotion
+from .motions import arm_of, grasp_of
 from .recording import Recording
 from .watch import Stop, Watch, equal, find_stops
 
@@ -33,7 +34,7 @@ ABOVE = 0.3
 
 
 def throws(
-    franka: Franka, plan: JointMotion, sent: JointMotion, ask: Callable[[str], None]
+    franka: Franka, plan: SentMotion, sent: SentMotion, ask: Callable[[str], None]
 ) -> Iterator[Recording]:
     """Throw repeatedly: first `sent`, then each time the motion corrected by the last recording,
     of a cycle the same motion.
@@ -43,7 +44,7 @@ def throws(
     """
     ready: GripperState | None = None
     while True:
-        start, gripper = franka.check(plan.arm)
+        start, gripper = franka.check(arm_of(plan))
         if ready is None or sent.picks:
             ready = _ready_state(franka, sent, gripper)
         way, stops = approach(sent, start), find_stops(sent)
@@ -55,7 +56,7 @@ def throws(
             "  Python sends it, and misses cycles on a busy machine: for throws in earnest take "
             "the C++ program of export --franka"
         )
-        _restore(franka.gripper, ready, plan.carries[0].close.force)
+        _restore(franka.gripper, ready, grasp_of(plan.carries[0]).force)
         watch = Watch(franka.gripper, franka.gripper.state(), sent, stops)
         recording = _play(franka, way, sent.q, watch)
         yield recording
@@ -66,14 +67,14 @@ def throws(
 
 
 def rehearse(
-    franka: Franka, plan: JointMotion, sent: JointMotion, ask: Callable[[str], None]
+    franka: Franka, plan: SentMotion, sent: SentMotion, ask: Callable[[str], None]
 ) -> Recording:
     """Send the motion slowly, with an empty hand that does not move.
 
     On the way to the start pose, too, arm and hand keep `REHEARSAL_SPEED`. InputError for a gripper
     that holds something, or moves, besides those of `throws`.
     """
-    start, gripper = franka.check(plan.arm)
+    start, gripper = franka.check(arm_of(plan))
     if gripper.holds:
         raise InputError(f"{franka.host}: --rehearse: the gripper holds an object: take it out")
     if sent.throw.manipulator.capsules is None:
@@ -92,14 +93,14 @@ def rehearse(
     return recording
 
 
-def _start_words(franka: Franka, motion: JointMotion, start: Array) -> str:
+def _start_words(franka: Franka, motion: SentMotion, start: Array) -> str:
     """The way to the start pose, in words."""
     away = np.abs(start - motion.q[0])
     most = f"joint {away.argmax() + 1} moves {away.max():.2f} rad"
-    return f"{motion.arm.name} at {franka.host}: to the start pose ({most})"
+    return f"{arm_of(motion).name} at {franka.host}: to the start pose ({most})"
 
 
-def _ready_state(franka: Franka, motion: JointMotion, now: GripperState) -> GripperState:
+def _ready_state(franka: Franka, motion: SentMotion, now: GripperState) -> GripperState:
     """The gripper before a motion: around the object, or open for the first pick; InputError if it
     is not, or holds something else."""
     if motion.picks:
@@ -128,10 +129,10 @@ def _restore(gripper: GripperLink, ready: GripperState, force: float) -> None:
     raise InputError(f"{gripper.host}: its gripper holds nothing: put the object between the pads")
 
 
-def _slowed(motion: JointMotion, q: Array) -> Array:
+def _slowed(motion: SentMotion, q: Array) -> Array:
     """Joints q (N, joints) [rad] every millisecond, with times stretched to `REHEARSAL_SPEED`."""
     times = np.arange(len(q)) * np.float64(TICK)
-    ends = swept_bodies(motion.carries[0], q, times).ends
+    ends = swept_bodies(motion.carries[0].space, q, times).ends
     fastest = np.linalg.norm(np.diff(ends, axis=3), axis=2).max(initial=0.0) / TICK
     stretch = max(float(fastest) / REHEARSAL_SPEED, 1.0)
     slow = np.arange(0.0, times[-1] + TICK / stretch, TICK / stretch)
@@ -228,7 +229,7 @@ def _stream(
 # The way to the start pose.
 
 
-def approach(motion: JointMotion, start: Array) -> Array:
+def approach(motion: SentMotion, start: Array) -> Array:
     """All joints (N, joints) [rad] every millisecond, slowly from rest at `start` to the motion's.
 
     Straight, or else by a raised pose: the shoulder in the middle of its range, other joints as in
@@ -236,21 +237,21 @@ def approach(motion: JointMotion, start: Array) -> Array:
     what stands around it. InputError if on all of them the arm breaks a limit, or arm or held bar
     would come too close to the floor, an obstacle, or each other.
     """
-    arm, space = motion.arm, motion.carries[0].space
+    arm, space = arm_of(motion), motion.spaces[0]
     now, goal = at_rest(start), at_rest(motion.q[0])
     straight = _straight(arm, now, goal)
-    broken = _broken_words(motion, straight)
+    broken = _broken_words(space, motion, straight)
     if not broken:
         return straight.q
     above, over = (lifted_pose(space, state.q, ABOVE) for state in (now, goal))
     apart = _without_near(motion, start)
-    ways = (motion, raised_pose(space, goal.q)), (motion, over), (apart, above, over)
+    ways = (space, raised_pose(space, goal.q)), (space, over), (apart, above, over)
     for rising, *way in ways:
         # A way may break the arm's limits: then another is tried.
         with contextlib.suppress(InputError):
             first, *rest = (_straight(arm, *ends) for ends in itertools.pairwise((now, *way, goal)))
             later = joined(rest)
-            if not (_broken_words(rising, first) or _broken_words(motion, later)):
+            if not (_broken_words(rising, motion, first) or _broken_words(space, motion, later)):
                 return joined([first, later]).q
     raise InputError(
         f"the way to the start pose is not clear: {broken}: guide the arm nearer to it"
@@ -268,26 +269,22 @@ def _straight(arm: Arm, start: State, goal: State) -> Samples:
     raise InputError("the way to the start pose breaks a limit: guide the arm nearer to it")
 
 
-def _without_near(motion: JointMotion, start: Array) -> JointMotion:
-    """The motion without the waiting objects that the hand already stands too near to: it leaves
-    them straight upwards."""
-    carry, throw = motion.carries[0], motion.throw
-    if throw.manipulator.capsules is None:
-        return motion
-    track = swept_bodies(carry, np.array([start, start]), np.array([0.0, TICK]), held=False)
-    near = {found.thing.name for found in carry.space.around.clearances(track) if found.thing}
-    left = tuple(
-        o for o in throw.scene.obstacle if o.name not in near or not o.name.endswith(WAITS)
-    )
-    alone = dataclasses.replace(carry, throw=throw.among(left))
-    return dataclasses.replace(motion, carries=(alone, *motion.carries[1:]))
+def _without_near(motion: SentMotion, start: Array) -> SpatialScene:
+    """The scene of the first carry without the waiting objects that the hand already stands too
+    near to: it leaves them straight upwards."""
+    space = motion.spaces[0]
+    if space.manipulator.capsules is None:
+        return space
+    track = swept_bodies(space, np.array([start, start]), np.array([0.0, TICK]), held=False)
+    near = {found.thing.name for found in space.around.clearances(track) if found.thing}
+    left = (o for o in motion.waiting(1) if o.name not in near)
+    return motion.carries[0].space.among(tuple(left))
 
 
-def _broken_words(motion: JointMotion, way: Samples) -> str:
+def _broken_words(space: SpatialScene, motion: SentMotion, way: Samples) -> str:
     """A limit that a way to the start pose breaks, in words, a collision if there is one; empty if
     it breaks none. The base column is for throws: here the arm's own links are kept clear."""
-    space, held = motion.carries[0].space, not motion.picks
-    broken = motion_verdict(space, way, held=held, loads=False).broken
+    broken = motion_verdict(space, way, held=not motion.picks, loads=False).broken
     counted = [found for found in broken if found.code is not Code.COLUMN]
     counted.sort(key=lambda found: found.code is not Code.COLLISION)
     return counted[0].words if counted else ""

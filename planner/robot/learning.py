@@ -32,6 +32,7 @@ from ..clearance import (
 )
 from ..follow import Response
 from ..planner import Planner
+from ..result import SentMotion
 from ..throw import (
     TICK,
     Manipulator,
@@ -44,7 +45,6 @@ from ..throw import (
     torques_of,
 )
 from ..verdict import Code, Finding, Verdict, verdict
-from .motions import JointMotion
 from .recording import CUTOFF, Recording, interpolated
 
 
@@ -525,7 +525,7 @@ class Proposal:
         return self.verdict.ok and self.error <= 1.0
 
 
-def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Throw]:
+def corrected(plan: SentMotion, recording: Recording) -> tuple[SentMotion, Throw]:
     """The motion to send next, by the recording of one that was sent for the same plan.
 
     Also the throw that is expected of it. If the bar would collide with the hand, which lags, a
@@ -539,7 +539,7 @@ def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Thr
     if reasons is not None:
         words = reasons[0].words if reasons else "it would land no nearer than the last"
         raise InputError(f"the corrected motion is not sent: {words}")
-    return JointMotion.of(best.sent), best.expected
+    return SentMotion.of(best.sent), best.expected
 
 
 def _roomier(plan: Throw) -> Throw | None:

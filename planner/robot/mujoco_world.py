@@ -1,4 +1,4 @@
-"""MuJoCo's model of a cycle: hand, links, obstacles, bins and all objects in the base frame."""
+"""MuJoCo's model of a motion: hand, links, obstacles, bins and all objects in the base frame."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Solid
 from ...problems import Scene
-from ..cycle import Cycle
 from ..rest import (
     COLUMN,
     add_contacts,
@@ -25,9 +24,10 @@ from ..rest import (
     load_mujoco,
     set_contacts,
 )
-from ..throw import TICK
-from .mujoco_throw import FRICTION, empty_spec, hand_inertia, weigh
+from ..result import SentMotion
 
+#: Friction of objects against all but the pads.
+FRICTION = 0.4
 #: Mass [kg] of a pad: with 50 g its own motion turns the object by up to 1 degree at its landing.
 PAD_MASS = 1e-3
 #: Radius [m] of a pad's surface, and distance of a finger behind it: a pad gives way by less.
@@ -35,19 +35,19 @@ PAD_TIP, BEHIND = 1e-3, 2e-3
 
 
 @dataclass(frozen=True, eq=False)
-class CycleWorld:
-    """A model of a cycle; frames of hand and objects have x along approach axis or bar, y across
+class MotionWorld:
+    """A model of a motion; frames of hand and objects have x along approach axis or bar, y across
     the throw's plane.
 
-    mass: mass [kg] and moment of inertia [kg m^2] of the driven hand. bodies: for each geom the
-    name of its body, empty for pads and where they grip. objects: for each geom the number of the
-    step whose object it is part of, or None. links: numbers of the joints that move the
-    mocap bodies. belts: for each cup that moves its speed [m/s], and the time [s] at which it is
-    where it stands in the model.
+    restitution: of all collisions. mass: mass [kg] and moment of inertia [kg m^2] of the driven
+    hand. bodies: for each geom the name of its body, empty for pads and where they grip. objects:
+    for each geom the number of the carry whose object it is part of, or None. links: numbers of the
+    joints that move the mocap bodies. belts: for each cup that moves its speed [m/s], and the time
+    [s] at which it is where it stands in the model.
     """
 
     model: Any
-    step: float
+    restitution: float
     mass: float
     bodies: tuple[str, ...]
     objects: tuple[int | None, ...]
@@ -55,89 +55,124 @@ class CycleWorld:
     belts: dict[str, tuple[float, float]]
 
     @classmethod
-    def of(cls, cycle: Cycle, step: float, restitution: float) -> CycleWorld:
-        """The world of a cycle; step [s]: of the simulation; restitution: of all collisions."""
-        scenes = [one.scene for one in cycle.steps]
-        mass = max(hand_inertia(scene) for scene in scenes)
-        spec = empty_spec(scenes[0], step)
-        spec.default.geom.contype = spec.default.geom.conaffinity = 0
-        pads = _add_hand(spec, cycle, mass, step)
+    def of(cls, motion: SentMotion, restitution: float) -> MotionWorld:
+        """The world of a motion."""
+        scenes = [one.throw.scene for one in motion.carries]
+        mass = max(_hand_inertia(scene) for scene in scenes)
+        spec = _empty_spec(scenes[0])
+        pads = _add_hand(spec, motion, mass)
         links = _add_around(spec, scenes)
-        belts = _add_bins(spec, cycle, mass)
+        belts = _add_bins(spec, motion, mass)
         parts = [geom.name for geom in spec.geoms if geom.name not in pads]
         for number, scene in enumerate(scenes):
             own = add_object(spec, scene.object, object_name(number))
             add_contacts(spec, own, parts)
             parts += own
-            _add_grip(spec, scene, number, pads, step)
+            _add_grip(spec, scene, number, pads)
         model = spec.compile()
         numbers = {object_name(number): number for number in range(len(scenes))}
         geoms = [model.geom(i) for i in range(model.ngeom)]
         objects = tuple(numbers.get(model.body(geom.bodyid[0]).name) for geom in geoms)
-        names = (geom.name for geom in geoms)
-        bodies = tuple(_name(cycle, *each) for each in zip(names, objects, strict=True))
-        # MuJoCo sorts pairs.
-        pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
-        collisions = np.flatnonzero([bodies[one] and bodies[two] for one, two in pairs])
-        set_contacts(model, collisions, step, restitution, FRICTION)
-        return cls(model, step, mass, bodies, objects, links, belts)
+        each = zip((geom.name for geom in geoms), objects, strict=True)
+        bodies = tuple(_body_name(motion, *one) for one in each)
+        return cls(model, restitution, mass, bodies, objects, links, belts)
 
     def addresses(self, body: str) -> tuple[int, int]:
         """Where a body's joint begins among MuJoCo's positions and among its velocities."""
         joint = self.model.body(body).jntadr[0]
         return int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
 
+    def set_step(self, step: float) -> None:
+        """Simulate in steps [s]; springs of contacts and of what couples the pads follow."""
+        model = self.model
+        model.opt.timestep = step
+        pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
+        collide = np.array([bool(self.bodies[one] and self.bodies[two]) for one, two in pairs])
+        model.pair_solref[~collide] = model.eq_solref[:] = model.jnt_solref[:] = 2 * step, 1
+        set_contacts(model, np.flatnonzero(collide), step, self.restitution, FRICTION)
+
 
 def object_name(number: int) -> str:
-    """The name of a step's object in the model: those of picks may be equal."""
+    """The name of a carry's object in the model: those of picks may be equal."""
     return f"object {number}"
 
 
-def _name(cycle: Cycle, geom: str, number: int | None) -> str:
+def of_bin(name: str) -> str:
+    """What follows the names of a bin's parts; a plan has one cup."""
+    return f" of {name}" if name else ""
+
+
+def _body_name(motion: SentMotion, geom: str, number: int | None) -> str:
     """The name of a geom's body in reports."""
     if geom.startswith(("pad", "grip")):
         return ""
-    return body_of(geom) if number is None else f"object {cycle.steps[number].pick}"
+    return body_of(geom) if number is None else f"object {motion.carries[number].pick}".strip()
 
 
-def _add_hand(spec: Any, cycle: Cycle, mass: float, step: float) -> list[str]:
+def _empty_spec(scene: Scene) -> Any:
+    """An empty world with the scene's gravity, for loads that friction alone holds."""
+    mujoco = load_mujoco("replay")
+    spec = mujoco.MjSpec()
+    spec.option.gravity = [0, 0, -scene.gravity]
+    # Stiffness of friction over that of the normal force: below 1e6 loaded contacts creep. At 1e9
+    # line searches of 50 steps, MuJoCo's limit, end too early: bars sink through plates.
+    spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 1e9
+    spec.option.tolerance, spec.option.ls_iterations = 1e-14, 200
+    spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    spec.default.geom.contype = spec.default.geom.conaffinity = 0
+    return spec
+
+
+def _weigh(body: Any, mass: float, inertia: list[float]) -> None:
+    """Give a body its mass and its moments of inertia about its own axes."""
+    body.explicitinertial, body.mass, body.inertia = True, mass, inertia
+
+
+def _hand_inertia(scene: Scene) -> float:
+    """Mass and moment of inertia [kg, kg m^2] of the driven hand, which no bar can push."""
+    bar = scene.object
+    return 1e4 * max(bar.mass, bar.inertia + bar.mass * scene.com_offset**2)
+
+
+def _add_hand(spec: Any, motion: SentMotion, mass: float) -> list[str]:
     """The driven hand and its pads, spheres that close together, with a finger behind each; returns
     the pads' names.
 
     A rigid pad with several contacts would leave open how it shares its force among them.
     """
-    mujoco, scene = load_mujoco("replay"), cycle.steps[0].scene
-    fingers = _fingers(cycle)
+    mujoco, fingers = load_mujoco(), _fingers(motion)
     hand = spec.worldbody.add_body(name="hand", gravcomp=1.0)
     hand.add_freejoint()
-    weigh(hand, mass, [mass] * 3)
+    _weigh(hand, mass, [mass] * 3)
     names = ["pad left", "pad right"]
     for name, side in zip(names, (1, -1), strict=True):
         pad = hand.add_body(name=name, gravcomp=1.0)
         joint = pad.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, side, 0])
         # Where they lose an object they meet.
-        joint.range, joint.solref_limit = [0.0, 1.0], [2 * step, 1]
-        weigh(pad, PAD_MASS, [1e-9] * 3)
+        joint.range = [0.0, 1.0]
+        _weigh(pad, PAD_MASS, [1e-9] * 3)
         kind, size = mujoco.mjtGeom.mjGEOM_SPHERE, [PAD_TIP, 0, 0]
         pad.add_geom(name=name, type=kind, size=size, pos=[0, side * PAD_TIP, 0])
         for number, box in enumerate(fingers):
             if side * box.centre[1] > 0.0:
                 add_solid(pad, f"{number} finger {name.removeprefix('pad ')}", box)
-    coupled = spec.add_equality(name1=names[0], name2=names[1], solref=[2 * step, 1])
+    coupled = spec.add_equality(name1=names[0], name2=names[1])
     coupled.type, coupled.objtype = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
     coupled.data[:2] = 0.0, 1.0
-    if has_hand(scene):
-        add_palm(hand, scene)
+    if has_hand(motion.throw.scene):
+        add_palm(hand, motion.throw.scene)
     return names
 
 
-def _fingers(cycle: Cycle) -> list[Solid]:
+def _fingers(motion: SentMotion) -> list[Solid]:
     """The boxes of the fingers in the frame of the hand, `BEHIND` the surfaces of closed pads."""
-    space = cycle.steps[0].space
-    pads = space.spatial.pads(*(rows[:1] for rows in cycle.samples.rows)).pose[0, :3, :3]
-    hand = cycle.arm_at(np.zeros(1))[1][0, :3, :3]
+    if motion.throw.manipulator.capsules is None:
+        return []
+    space = motion.carries[0].space
+    pads = space.spatial.pads(*(rows[:1] for rows in motion.samples.rows)).pose[0, :3, :3]
+    hand = motion.poses_at(np.zeros(1))[1][0, :3, :3]
     turn = np.column_stack([hand[:, 0], -hand[:, 2], hand[:, 1]]).T @ pads
-    found, gap = list[Solid](), space.kinematics.arm.tool.open_width / 2
+    found, gap = list[Solid](), open_width(motion) / 2
     for box in (thing.solid for thing in space.open_hand.things):
         if abs(box.centre[1]) > gap:
             back = np.array([0.0, np.sign(box.centre[1]) * (BEHIND - gap), 0.0])
@@ -145,13 +180,19 @@ def _fingers(cycle: Cycle) -> list[Solid]:
     return found
 
 
+def open_width(motion: SentMotion) -> float:
+    """Gap [m] of the open pads; wider than the object for a free hand."""
+    own = 2 * max(thickness(one.throw.scene) for one in motion.carries)
+    return own if motion.arm is None else motion.arm.tool.open_width
+
+
 def _add_around(spec: Any, scenes: list[Scene]) -> tuple[int, ...]:
     """Links, base column, obstacles and floor; returns the numbers of the links that move."""
     kinds, scene, moved = load_mujoco().mjtGeom, scenes[0], dict[int, Any]()
-    assert scene.arm is not None
-    for k, one in enumerate(scene.arm.capsules):
+    last, capsules = (0, ()) if scene.arm is None else (scene.arm.joints, scene.arm.capsules)
+    for k, one in enumerate(capsules):
         # The verdict does not measure the last link, which holds the hand, either.
-        if one.link >= scene.arm.joints:
+        if one.link >= last:
             continue
         body, name = spec.worldbody, f"{k} link {one.link}"
         if one.link:
@@ -174,13 +215,14 @@ def _add_around(spec: Any, scenes: list[Scene]) -> tuple[int, ...]:
     return tuple(moved)
 
 
-def _add_bins(spec: Any, cycle: Cycle, mass: float) -> dict[str, tuple[float, float]]:
+def _add_bins(spec: Any, motion: SentMotion, mass: float) -> dict[str, tuple[float, float]]:
     """The cup of each bin, which slides along its plane if its target moves; returns how those
     move, as `belts` of a world."""
     slide, known = load_mujoco().mjtJoint.mjJNT_SLIDE, set[str]()
     belts = dict[str, tuple[float, float]]()
-    for one, throw in zip(cycle.steps, cycle.throws, strict=True):
-        if one.scene.cup is None or one.bin in known:
+    for one in motion.carries:
+        throw, cup = one.throw, one.throw.scene.cup
+        if cup is None or one.bin in known:
             continue
         known.add(one.bin)
         plane, name = throw.target.plane, f"bin {one.bin}"
@@ -188,13 +230,13 @@ def _add_bins(spec: Any, cycle: Cycle, mass: float) -> dict[str, tuple[float, fl
         body = spec.worldbody.add_body(name=name, pos=plane.points(0.0, 0.0).tolist(), quat=turn)
         if throw.target.speed:
             body.add_joint(name=name, type=slide, axis=[1, 0, 0])
-            weigh(body, mass, [mass] * 3)
-            belts[name] = throw.target.speed, TICK * one.join + throw.deciding.landing_time
-        add_cup(body, one.scene.cup, f" of {one.bin}")
+            _weigh(body, mass, [mass] * 3)
+            belts[name] = throw.target.speed, one.begin + throw.deciding.landing_time
+        add_cup(body, cup, of_bin(one.bin))
     return belts
 
 
-def _add_grip(spec: Any, scene: Scene, number: int, pads: list[str], step: float) -> None:
+def _add_grip(spec: Any, scene: Scene, number: int, pads: list[str]) -> None:
     """Where pads hold an object: a plate that reaches a pad's radius beyond it.
 
     A pad's contact has the limit surface's ellipsoid as its friction.
@@ -209,7 +251,6 @@ def _add_grip(spec: Any, scene: Scene, number: int, pads: list[str], step: float
     for pad in pads:
         pair = spec.add_pair(geomname1=pad, geomname2=name, condim=4)
         pair.friction = [contact.friction, contact.friction, torsion, 1e-5, 1e-5]
-        pair.solref = [2 * step, 1]
 
 
 def thickness(scene: Scene) -> float:

@@ -17,11 +17,11 @@ from ...models import Array, ReadOnly, Trajectory, low_pass
 from ...problems import InputError, Scene, ThrowPlane
 from ...problems.files import csv_lines, read_csv
 from ..follow import Response
-from ..result import write_table
+from ..result import SentMotion, write_table
 from ..simulation import planar_joints
 from ..throw import TICK, Throw
 from ..verdict import Code, Finding, outside_tolerance, verdict
-from .motions import JointMotion
+from .motions import arm_of
 
 #: Cut-off [Hz] of the low-pass on the residuals of the fitted response.
 CUTOFF = 60.0
@@ -124,7 +124,7 @@ class Recording(ReadOnly):
         measured = smooth(even, self.times, q)
         return even, measured, smooth(even, self.times, self.sent[:, joints])
 
-    def to_dict(self, motion: JointMotion) -> dict[str, Any]:
+    def to_dict(self, motion: SentMotion) -> dict[str, Any]:
         """The recording as JSON, of a plan with its throw: SI units, radians.
 
         lag [rad]: largest difference of a joint to its command; width [m]: of the gripper, before
@@ -179,7 +179,7 @@ class Recording(ReadOnly):
         off = outside_tolerance(plan.scene.tolerance, error["position"], error["angle"])
         return (*off, *judged.broken)
 
-    def summary(self, motion: JointMotion) -> str:
+    def summary(self, motion: SentMotion) -> str:
         """`to_dict` as a line for people."""
         found = self.to_dict(motion)
         lag = f"joints lag by {found['lag']:.3f} rad"
@@ -222,14 +222,14 @@ def smooth(times: Array, known: Array, values: Array) -> Array:
     return np.asarray(CubicSpline(known, values)(np.maximum(times, known[0])))
 
 
-def read_recording(path: str | Path, motion: JointMotion) -> Recording:
+def read_recording(path: str | Path, motion: SentMotion) -> Recording:
     """A CSV of a plan's motion by its arm; InputError for a file that does not fit the plan.
 
     Columns: t [s], 0 where the first sample went out; q1, q2, ... measured and sent1, sent2, ...
     commanded [rad], of all joints; since_command [s] may be left out where the plan's own motion
     was sent: then the opening command went out at the plan's time. Others are not read.
     """
-    joints = range(1, motion.arm.joints + 1)
+    joints = range(1, arm_of(motion).joints + 1)
     columns = ("t", *(f"{name}{j}" for name in ("q", "sent") for j in joints))
     timed = "since_command" in csv_lines(Path(path))[0]
     rows = read_csv("recording", str(path), None, (*columns, *["since_command"] * timed))

@@ -11,10 +11,11 @@ from functools import partial
 
 from ...models import Array
 from ...problems import InputError
+from ..result import Carry, SentMotion
 from ..throw import TICK, braked, joint_limits
 from ..verdict import motion_verdict
 from .gripper import MOVED, SPEED, GripperLink, GripperReply, GripperState
-from .motions import Carry, JointMotion
+from .motions import arm_of, commands_of, grasp_of, opening_due, opening_of, parts_of
 
 #: Time [s] after a motion in which the gripper must have opened.
 UNOPENED = 3.0
@@ -49,7 +50,7 @@ class Watch:
         self,
         gripper: GripperLink,
         before: GripperState,
-        motion: JointMotion | None = None,
+        motion: SentMotion | None = None,
         stops: Sequence[Stop] = (),
     ) -> None:
         self.gripper, self.trouble = gripper, ""
@@ -66,17 +67,18 @@ class Watch:
         self._done: bool | None = None if motion is not None else True
         # What is due when [s]; each is called with the time since the first sample.
         self._schedule = [] if motion is None else list(self._actions(motion))
-        self._commands = [] if motion is None else [command.time for command in motion.commands]
+        self._commands = [] if motion is None else [command.time for command in commands_of(motion)]
 
-    def _actions(self, motion: JointMotion) -> Iterator[tuple[float, Callable[[float], None]]]:
+    def _actions(self, motion: SentMotion) -> Iterator[tuple[float, Callable[[float], None]]]:
         """Commands and checks in turn, each with its time [s]."""
-        for carry in motion.carries:
+        for number, carry in enumerate(motion.carries):
             if carry.pick:
-                yield carry.close.time, partial(self._close, carry)
+                yield grasp_of(carry).time, partial(self._close, carry)
                 yield TICK * (carry.held - GRASP_CHECK), partial(self._check_grasp, carry)
-            yield carry.open.time, partial(self._open, carry)
-            if carry.due is not None:
-                yield TICK * carry.due, partial(self._check_opening, carry)
+            yield opening_of(carry).time, partial(self._open, carry)
+            due = opening_due(motion, number)
+            if due is not None:
+                yield TICK * due, partial(self._check_opening, carry)
 
     def cycle(self, elapsed: float) -> Stop | None:
         """Called in each cycle: give the commands that are due in it, and look at the width.
@@ -128,7 +130,7 @@ class Watch:
 
     def _close(self, carry: Carry, elapsed: float) -> None:
         """Command the grasp of an object."""
-        one = carry.close
+        one = grasp_of(carry)
         values = one.width, SPEED, one.force, one.tolerance, one.tolerance
         with self._failures():
             self._command(one.time - elapsed, "grasp", *values)
@@ -138,7 +140,7 @@ class Watch:
         if self._done:
             self._object, self._kept, self._keeps = carry.name, None, True
             return
-        one = carry.close
+        one = grasp_of(carry)
         low, high = 1e3 * (one.width - one.tolerance), 1e3 * (one.width + one.tolerance)
         self.trouble = (
             f"{carry.name} was not grasped: {elapsed - one.time:.2f} s after its command the "
@@ -150,13 +152,13 @@ class Watch:
     def _open(self, carry: Carry, elapsed: float) -> None:
         """Command the opening for a throw."""
         with self._failures():
-            self._command(carry.open.time - elapsed, "move", carry.open.width, SPEED)
-            self.command_times.append(max(carry.open.time, elapsed))
+            self._command(opening_of(carry).time - elapsed, "move", opening_of(carry).width, SPEED)
+            self.command_times.append(max(opening_of(carry).time, elapsed))
 
     def _check_opening(self, carry: Carry, elapsed: float) -> None:
         """Keep in words that the gripper has not opened before the next pick, if it has not."""
         if not self._done:
-            after = f"{elapsed - carry.open.time:.2f} s after its command; the arm braked"
+            after = f"{elapsed - opening_of(carry).time:.2f} s after its command; the arm braked"
             self.trouble = f"{carry.pick} was not thrown: {self._unopened_words(after)}"
 
     def _look(self, now: GripperState, elapsed: float) -> None:
@@ -200,17 +202,17 @@ def equal(one: GripperState, other: GripperState) -> bool:
     return one.holds == other.holds and abs(one.width - other.width) < MOVED
 
 
-def find_stops(motion: JointMotion) -> list[Stop]:
+def find_stops(motion: SentMotion) -> list[Stop]:
     """Ways to stop, from samples `STOPS` apart, as long as the gripper is watched.
 
     Only those that meet nothing with the object in the hand, other objects at their picks included.
     """
-    limits, found = joint_limits(motion.arm, range(1, motion.arm.joints + 1)), list[Stop]()
-    last = motion.carries[-1]
-    end = STOPS + (last.open.cycle if last.due is None else last.due + NOTICE)
-    for carry, part in motion.parts():
+    arm, found = arm_of(motion), list[Stop]()
+    limits, due = joint_limits(arm, range(1, arm.joints + 1)), opening_due(motion, -1)
+    end = STOPS + (opening_of(motion.carries[-1]).cycle if due is None else due + NOTICE)
+    for number, part in parts_of(motion):
         for sample in range(-(-part.start // STOPS) * STOPS, min(part.stop, end), STOPS):
             brake = braked(limits, motion.samples[sample : sample + 1])
-            if motion_verdict(carry.space, brake, held=True, loads=False).ok:
+            if motion_verdict(motion.spaces[number], brake, held=True, loads=False).ok:
                 found.append(Stop(sample, brake.q[1:]))
     return found

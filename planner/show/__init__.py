@@ -1,6 +1,5 @@
 """Pictures, films and the 3-D view of throws and releases in one style, and tables."""
 
-from .cycle_view import SpaceCycle
 from .drawings import draw_bars, draw_cup, draw_flight
 from .painter import save_in_space
 from .release_pictures import draw_releases
@@ -11,4 +10,4 @@ from .tables import Row, Table, shown
 from .throw_picture import draw_throw, draw_throw_moving
 from .timeline import timeline as over_time
 from .view import rgb
-from .view_throw import SpaceThrow, space_throw
+from .view_throw import SpaceMotion, SpaceThrow, space_motion, space_throw

@@ -21,11 +21,10 @@ from numpy.typing import NDArray
 from ...core.compile import scratch_folder
 from ...models import Array
 from ...problems import InputError
-from .cycle_view import CycleView, SpaceCycle
 from .style import PHASES
 from .throw_picture import CARRIED, FLYING, SLOW, frame_words
 from .view import View, put
-from .view_throw import SpaceThrow
+from .view_throw import SpaceMotion
 
 #: A picture (height, width, 3), 0 to 255.
 Pixels = NDArray[np.uint8]
@@ -193,9 +192,9 @@ class Painter:
         return np.asarray(pose @ local)
 
 
-def save_in_space(shown: SpaceThrow | SpaceCycle, kind: str, path: Path) -> None:
+def save_in_space(shown: SpaceMotion, kind: str, path: Path) -> None:
     """A 3-D picture ("png") just before detach, with poses of the bar; or a film ("mp4") at a fifth
-    of the throw's speed, a cycle's at its own, whose last frame stays half a second.
+    of a single throw's speed, or of several at their own, whose last frame stays half a second.
 
     Leaves no partial file; InputError if the file cannot be written, and without the extra `film`.
     """
@@ -215,14 +214,12 @@ def save_in_space(shown: SpaceThrow | SpaceCycle, kind: str, path: Path) -> None
         raise InputError(f"--{kind} {path}: {error.strerror or error}") from None
 
 
-def _picture(shown: SpaceThrow | SpaceCycle) -> Pixels:
+def _picture(shown: SpaceMotion) -> Pixels:
     painter = Painter()
-    if isinstance(shown, SpaceCycle):
-        CycleView(painter, shown).show(shown.begins[0] + shown.throws[0].throw.detach_time - 0.002)
-    else:
-        view = View(painter, shown)
+    view = View(painter, shown)
+    if shown.is_single:
         _add_ghosts(view)
-        view.show(shown.throw.detach_time - 0.002)
+    view.show(shown.begins[0] + shown.throws[0].throw.detach_time - 0.002)
     return painter.picture(shown.name)
 
 
@@ -239,32 +236,19 @@ def _add_ghosts(view: View) -> list[tuple[float, Any]]:
     return ghosts
 
 
-def _film(shown: SpaceThrow | SpaceCycle) -> Iterator[Pixels]:
+def _film(shown: SpaceMotion) -> Iterator[Pixels]:
     """The film's frames, one after another."""
-    return _cycle_film(shown) if isinstance(shown, SpaceCycle) else _throw_film(shown)
-
-
-def _throw_film(throw: SpaceThrow) -> Iterator[Pixels]:
-    line, painter = throw.line, Painter()
-    view = View(painter, throw)
-    ghosts = _add_ghosts(view)
-    moments = np.arange(0.0, line.times[-1], SLOW / FPS)
-    for i in np.searchsorted(line.times, moments - 1e-9):
-        time = line.times[i]
+    painter, single = Painter(), shown.is_single
+    view = View(painter, shown)
+    ghosts = _add_ghosts(view) if single else []
+    moments = np.arange(0.0, shown.times[-1], (SLOW if single else 1.0) / FPS)
+    for i in np.searchsorted(shown.times, moments - 1e-9):
+        time = shown.times[i]
         view.show(time)
         for passed, ghost in ghosts:
             ghost.visible = passed <= time
-        picture = painter.picture(frame_words(line, i))
-        yield picture
-    yield from [picture] * (FPS // 2)
-
-
-def _cycle_film(cycle: SpaceCycle) -> Iterator[Pixels]:
-    painter = Painter()
-    view = CycleView(painter, cycle)
-    for time in np.arange(0.0, cycle.times[-1], 1 / FPS):
-        i = view.show(time)
-        picture = painter.picture(f"t = {time:.2f} s   {cycle.words(i)}")
+        words = frame_words(shown.throws[0].line, i)
+        picture = painter.picture(words if single else f"t = {time:.2f} s   {shown.words(i)}")
         yield picture
     yield from [picture] * (FPS // 2)
 

@@ -15,10 +15,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...problems import InputError
-from .cycle_view import CycleView, SpaceCycle
 from .style import PHASES
 from .view import View
-from .view_throw import SpaceThrow
+from .view_throw import SpaceMotion, SpaceThrow
 
 HOST = "127.0.0.1"
 #: Playback speeds over real time, by their labels.
@@ -26,13 +25,10 @@ SPEEDS = {"1": 1.0, "1/5": 0.2, "1/20": 0.05}
 
 
 @contextlib.contextmanager
-def serving(shown: SpaceThrow | SpaceCycle, port: int) -> Iterator[tuple[str, Any]]:
-    """Address and panel of a throw's or cycle's view while it is served; errors: `empty_page`."""
+def serving(shown: SpaceMotion, port: int) -> Iterator[tuple[str, Panel]]:
+    """Address and panel of a motion's view while it is served; errors: `empty_page`."""
     with empty_page(shown.name, port) as (address, server):
-        if isinstance(shown, SpaceCycle):
-            yield address, CyclePanel(server, shown)
-        else:
-            yield address, Panel(server, shown)
+        yield address, Panel(server, shown)
 
 
 @contextlib.contextmanager
@@ -145,55 +141,53 @@ class Player:
                 self.go(1e-3 * self.slider.value)
 
 
-class CyclePanel(Player):
-    """The player of a cycle's view."""
-
-    def __init__(self, server: Any, cycle: SpaceCycle) -> None:
-        self.view, self.cycle = CycleView(server, cycle), cycle
-        super().__init__(server.gui, float(cycle.times[-1]), "1")
-        self.go(0.0)
-
-    def show(self, time: float) -> str:
-        """Move the view to `time` [s]; the last object's phase."""
-        i = self.view.show(time)
-        return f"**{self.cycle.words(i)}**, {1e3 * time:.0f} ms"
-
-
 class Panel(Player):
-    """The player of a throw's view, with a legend of its phases; `change` shows another throw."""
+    """The player of a motion's view, of a single throw with a legend of its phases; `change` shows
+    another motion."""
 
-    def __init__(self, server: Any, throw: SpaceThrow) -> None:
-        self.view, self.throw = View(server, throw), throw
-        super().__init__(server.gui, float(throw.line.times[-1]), "1/5")
+    def __init__(self, server: Any, motion: SpaceMotion) -> None:
+        self.view, self.motion = View(server, motion), motion
+        speed = "1/5" if motion.is_single else "1"
+        super().__init__(server.gui, float(motion.times[-1]), speed)
         self.release = server.gui.add_button(
             "go to the release", hint="the opening: the force starts to fall"
         )
-        self.legend = server.gui.add_html(_legend(self.throw.shown_phases()))
-        self.release.on_click(lambda _: self.go(self.throw.throw.opening_time))
+        self.legend = server.gui.add_html(self._legend)
+        self.release.on_click(lambda _: self.go(self._opening))
         self.go(0.0)
 
-    def change(self, throw: SpaceThrow) -> None:
-        """Show another throw of the scene, at its opening or at the current time of playback."""
+    @property
+    def throw(self) -> SpaceThrow:
+        """The throw, of several the first."""
+        return self.motion.throws[0]
+
+    @property
+    def _opening(self) -> float:
+        """When the pads begin to open for it [s]."""
+        return self.motion.begins[0] + self.throw.throw.opening_time
+
+    @property
+    def _legend(self) -> str:
+        return _legend(self.throw.shown_phases()) if self.motion.is_single else ""
+
+    def change(self, motion: SpaceMotion) -> None:
+        """Show another motion of the scene, at its opening or at the current time of playback."""
         with self._lock:
+            self.motion, self.end = motion, float(motion.times[-1])
             # The slider goes to its own time when it is set.
-            time = self.time if self.playing else throw.throw.opening_time
-            self.throw, self.end = throw, float(throw.line.times[-1])
-            self.view.change(throw)
+            time = self.time if self.playing else self._opening
+            self.view.change(motion)
             self.slider.value, self.slider.max = 0, round(1e3 * self.end)
-            self.legend.content = _legend(throw.shown_phases())
+            self.legend.content = self._legend
             self.go(time)
 
     def show(self, time: float) -> str:
-        """Move the view to `time` [s]; its phase."""
-        self.view.show(time)
-        phases = self.throw.shown_phases().items()
-        phase = [name for name, start in phases if name in PHASES and start <= time][-1]
-        phase = self.throw.line.end if phase == "landed" else phase
-        since = 1e3 * (time - self.throw.throw.opening_time)
-        return (
-            f"**{phase}**, {1e3 * time:.0f} ms "
-            f"(opening {'−' if since < 0 else '+'} {abs(since):.0f} ms)"
-        )
+        """Move the view to `time` [s]; what the last object does."""
+        words = f"**{self.motion.words(self.view.show(time))}**, {1e3 * time:.0f} ms"
+        if not self.motion.is_single:
+            return words
+        since = 1e3 * (time - self._opening)
+        return f"{words} (opening {'−' if since < 0 else '+'} {abs(since):.0f} ms)"
 
 
 def _legend(phases: dict[str, float]) -> str:

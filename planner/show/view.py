@@ -13,7 +13,7 @@ from ...models import Array, Indices
 from ...models.robot import Arm, DHRow, placement
 from ...problems.meshes import covered_mesh
 from .style import ARM, BLACK, PHASES
-from .view_throw import SpaceThrow
+from .view_throw import SpaceMotion, SpaceThrow
 
 if TYPE_CHECKING:
     from ...problems import Pose, ThrownObject
@@ -25,6 +25,12 @@ LINK = "#7c8899"
 CUP = "#b5713c"
 #: Colour of pads.
 PAD = "#20242b"
+
+
+#: Direction from which several throws are seen: from the right, in front and above.
+SEEN_FROM = (0.45, -1.0, 0.6)
+#: Distance of the camera then, as a factor of the one at which all CoMs just fit.
+MARGIN = 1.2
 
 
 @dataclass(frozen=True)
@@ -155,29 +161,41 @@ class ObjectView:
 
 
 class View(ObjectView):
-    """A throw in a viser server.
+    """A motion in a viser server; its first object is the view's own.
 
-    `show` moves all bodies to a time, `change` takes another throw of the scene, `fade` shows it
-    pale. floor [m]: height of the floor.
+    `show` moves all bodies to a time, `change` takes another motion of the scene, `fade` shows its
+    first throw pale. floor [m]: height of the floor.
     """
 
-    def __init__(self, server: Any, throw: SpaceThrow) -> None:
-        super().__init__(server, throw)
-        self.floor = math.inf
+    def __init__(self, server: Any, motion: SpaceMotion) -> None:
+        super().__init__(server, motion.throws[0])
+        self.floor, self.objects = math.inf, list[ObjectView]([self])
         self._draw_surroundings()
         self.joints = self._draw_arm()
         self.hand, self.pads = self._draw_hand()
+        drawn = [(self.throw.throw.target, self.throw.scene.cup)]
+        for number, throw in enumerate(motion.throws[1:], start=2):
+            # A bin is drawn once.
+            target = throw.throw.target, throw.scene.cup
+            one = ObjectView(server, throw, f"/object{number}", target not in drawn)
+            if target not in drawn:
+                one.aim(throw.throw.target)
+            drawn.append(target)
+            self.objects.append(one)
+        self.motion = motion
         self._aim_camera()
-        self.change(throw)
+        self.change(motion)
 
-    def change(self, throw: SpaceThrow) -> None:
-        """Shows another throw of this bar, hand and arm, from its start."""
-        self.throw = throw
+    def change(self, motion: SpaceMotion) -> None:
+        """Shows another motion of these objects, hand and arm, from its start."""
+        self.motion, self.throw = motion, motion.throws[0]
         with self.server.atomic():
-            self.aim(throw.throw.target)
+            self.aim(self.throw.throw.target)
             self._draw_floor()
-            self.draw_path()
-            self._draw_marks()
+            for one in self.objects:
+                one.draw_path()
+            if motion.is_single:
+                self._draw_marks()
             self.show(0.0)
 
     def fade(self, faded: bool) -> None:
@@ -192,15 +210,16 @@ class View(ObjectView):
 
     def show(self, time: float) -> int:
         """Moves everything to `time` [s]; returns the instant's index."""
-        throw = self.throw
-        i = throw.line.index(time)
+        motion = self.motion
+        i = motion.index(time)
         with self.server.atomic():
-            for frame, pose in zip(self.joints, throw.joints[i], strict=True):
+            for frame, pose in zip(self.joints, motion.joints[i], strict=True):
                 put(frame, pose)
-            put(self.hand, throw.hand[i])
-            put(self.bar, throw.bar[i])
-            self.box.color = rgb(PHASES[throw.line.phase_name(i)])
-            self._open_pads(float(throw.line.times[i]) - throw.throw.detach_time)
+            put(self.hand, motion.hand[i])
+            for number, one in enumerate(self.objects):
+                put(one.bar, motion.bars[number][i])
+                one.box.color = rgb(PHASES[motion.object_phase(number, i)])
+            self._open_pads(motion.since_detach(i))
         return i
 
     def _open_pads(self, since: float) -> None:
@@ -312,11 +331,22 @@ class View(ObjectView):
             self.scene.add_label(f"{mark}/text", name, anchor="center-left", position=down)
 
     def _aim_camera(self) -> None:
-        """Looks across the plane from slightly above; the throw fits the view of 40 degrees."""
-        low, high = self.throw.extent()
-        size, middle = high - low, (high + low) / 2
-        plane, camera = self.throw.plane, self.server.initial_camera
+        """Looks across the plane of a single throw from slightly above, or at all that moves; it
+        fits the view of 40 degrees."""
+        camera = self.server.initial_camera
         camera.fov = math.radians(40.0)
+        if not self.motion.is_single:
+            moving = [bar[:, :3, 3] for bar in self.motion.bars]
+            links = self.motion.joints[..., :3, 3].reshape(-1, 3)
+            points = np.vstack([*moving, links, np.zeros((1, 3))])
+            low, high = points.min(axis=0), points.max(axis=0)
+            away = MARGIN * np.linalg.norm(high - low) / 2 / math.tan(camera.fov / 2)
+            camera.look_at = (low + high) / 2
+            towards = np.array(SEEN_FROM) / np.linalg.norm(SEEN_FROM)
+            camera.position, camera.up = camera.look_at + away * towards, (0.0, 0.0, 1.0)
+            return
+        low, high = self.throw.extent()
+        size, middle, plane = high - low, (high + low) / 2, self.throw.plane
         reach = max(size[1], size[0] / 1.15) / 2 / math.tan(camera.fov / 2)
         across = plane.points(0.25, 0.3) - plane.points(0.0, 0.0) + plane.normal
         camera.look_at = plane.points(middle[0], middle[1])

@@ -1,10 +1,10 @@
-// Throws the plan or the cycle in FOLDER with a Franka robot: throw HOST [FOLDER]
+// Sends the motion in FOLDER to a Franka robot: throw HOST [FOLDER]
 //
 // It moves slowly to the start pose, asks, sends a row of joints.csv each millisecond, and gives the
-// gripper each command of gripper.csv in its cycle. A plan's object must be in the gripper, held by its
-// grasp command. A cycle's objects are picked up on the way, and the gripper is watched: if it has not
-// grasped an object, loses one or does not open, or if its connection fails, it gets no further command,
-// and the arm brakes along the next stop of stops.csv.
+// gripper each command of gripper.csv in its cycle. If the first one opens the gripper, the object must be
+// in it, held by its grasp command. The gripper is watched: if it has not grasped an object, loses one or
+// does not open, or if its connection fails, it gets no further command, and the arm brakes along the next
+// stop of stops.csv.
 
 #include <algorithm>
 #include <array>
@@ -14,7 +14,6 @@
 #include <cstddef>
 #include <fstream>
 #include <iostream>
-#include <limits>
 #include <map>
 #include <sstream>
 #include <stdexcept>
@@ -38,28 +37,28 @@ constexpr double kGripperSpeed = 0.2;   // m/s
 constexpr double kMoved = 2e-3;         // m, change of the gripper's width above its noise
 constexpr double kStartNear = 1e-3;     // rad, every joint from the start pose before the throw
 
-// A command to the gripper: a row of gripper.csv. What follows `fraction` only a cycle has.
+// A command to the gripper: a row of gripper.csv.
 struct Command {
-  std::size_t cycle = 0;   // row of joints.csv in whose cycle it goes out
-  double fraction = 0.0;   // of that cycle which has passed then
-  std::size_t check = std::numeric_limits<std::size_t>::max();  // row at which it must be done
-  double width = kOpenWidth, tolerance = 0.0;  // m
-  double force = 0.0;   // N of a grasp, 0 of an opening
-  std::string object;   // its name
+  std::size_t cycle;        // row of joints.csv in whose cycle it goes out
+  double fraction;          // of that cycle which has passed then
+  std::size_t check;        // row at which it must be done
+  double width, tolerance;  // m
+  double force;             // N of a grasp, 0 of an opening
+  std::string object;       // its name
 };
 
 // The motions to rest that may take the place of joints.csv, by the row at which they begin.
 using Stops = std::map<std::size_t, std::vector<Joints>>;
 
 // The first eight cells of a line, and the rest of it as one more.
-std::vector<std::string> cells(const std::string& line, std::size_t least) {
+std::vector<std::string> cells(const std::string& line) {
   std::vector<std::string> found;
   std::stringstream stream(line);
   std::string cell;
   while (std::getline(stream, cell, found.size() < 8 ? ',' : '\n')) {
     found.push_back(cell);
   }
-  if (found.size() < least) {
+  if (found.size() < 8) {
     throw std::runtime_error("too few columns: " + line);
   }
   return found;
@@ -84,7 +83,7 @@ std::vector<std::string> lines(const std::string& path) {
 std::vector<std::pair<double, Joints>> read_rows(const std::string& path) {
   std::vector<std::pair<double, Joints>> rows;
   for (const std::string& line : lines(path)) {
-    const std::vector<std::string> row = cells(line, 8);
+    const std::vector<std::string> row = cells(line);
     Joints q;
     std::transform(row.begin() + 1, row.begin() + 8, q.begin(),
                    [](const std::string& cell) { return std::stod(cell); });
@@ -112,19 +111,10 @@ Stops read_stops(const std::string& path) {
 std::vector<Command> read_commands(const std::string& path) {
   std::vector<Command> found;
   for (const std::string& line : lines(path)) {
-    // t, command, cycle, fraction; of a cycle of picks also check, width, tolerance, force, object.
-    const std::vector<std::string> row = cells(line, 4);
-    Command command;
-    command.cycle = std::stoul(row[2]);
-    command.fraction = std::stod(row[3]);
-    if (row.size() > 8) {
-      command.check = std::stoul(row[4]);
-      command.width = std::stod(row[5]);
-      command.tolerance = std::stod(row[6]);
-      command.force = std::stod(row[7]);
-      command.object = row[8];
-    }
-    found.push_back(command);
+    // t, command, cycle, fraction, check, width, tolerance, force, object.
+    const std::vector<std::string> row = cells(line);
+    found.push_back({std::stoul(row[2]), std::stod(row[3]), std::stoul(row[4]), std::stod(row[5]),
+                     std::stod(row[6]), std::stod(row[7]), row.size() > 8 ? row[8] : ""});
   }
   return found;
 }
@@ -183,21 +173,20 @@ class Watch {
   // What is wrong in the cycle of a row of joints.csv. Called in turn; neither waits nor allocates.
   Fault look(std::size_t row, const Report& now) {
     const bool next = given_ < commands_.size() && row >= commands_[given_].cycle;
-    if (given_ > 0) {
-      const Command& last = commands_[given_ - 1];
-      if (!checked_ && row >= last.check) {
-        checked_ = true;
-        if (last.force == 0.0) {
-          return is_open(now) ? Fault::kNone : Fault::kNotOpened;
-        }
-        kept_ = now;
-        const bool fits = std::abs(now.width - last.width) < last.tolerance;
-        return now.holds && fits ? Fault::kNone : Fault::kNotGrasped;
+    const Command* last = given_ > 0 ? &commands_[given_ - 1] : nullptr;
+    if (last != nullptr && !checked_ && row >= last->check) {
+      checked_ = true;
+      if (last->force == 0.0) {
+        return is_open(now) ? Fault::kNone : Fault::kNotOpened;
       }
-      const bool same = now.holds && std::abs(now.width - kept_.width) < kMoved;
-      if (checked_ && last.force > 0.0 && !same && !next) {
-        return Fault::kLost;
-      }
+      kept_ = now;
+      const bool fits = std::abs(now.width - last->width) < last->tolerance;
+      return now.holds && fits ? Fault::kNone : Fault::kNotGrasped;
+    }
+    const bool keeps = last == nullptr || (checked_ && last->force > 0.0);
+    const bool same = now.holds >= kept_.holds && std::abs(now.width - kept_.width) < kMoved;
+    if (keeps && !same && !next) {
+      return Fault::kLost;
     }
     if (next) {
       ++given_;
@@ -213,9 +202,8 @@ class Watch {
     if (fault == Fault::kConnection) {
       return "the gripper's connection failed; the arm has stopped";
     }
-    const std::string object = given_ > 0 ? commands_[given_ - 1].object : "";
     std::ostringstream found;
-    found << (object.empty() ? "the object" : object)
+    found << commands_[given_ > 0 ? given_ - 1 : 0].object
           << (fault == Fault::kNotGrasped ? " was not grasped: the gripper is "
               : fault == Fault::kLost     ? " was lost: the gripper is "
                                           : " was not thrown: the gripper did not open, is ")
@@ -271,7 +259,7 @@ void throw_it(franka::Robot& robot, franka::Gripper& gripper, const std::vector<
   });
   std::thread watching([&] {
     try {
-      while (!stops.empty() && !ended) {
+      while (!ended) {
         last = report_of(gripper);
       }
     } catch (const franka::Exception&) {
@@ -336,7 +324,7 @@ int main(int argc, char** argv) {
     const std::vector<Joints> rows = read_joints(folder + "/joints.csv");
     const std::vector<Command> commands = read_commands(folder + "/gripper.csv");
     const bool picks = commands.front().force > 0.0;
-    const Stops stops = picks ? read_stops(folder + "/stops.csv") : Stops{};
+    const Stops stops = read_stops(folder + "/stops.csv");
     franka::Robot robot(argv[1]);
     franka::Gripper gripper(argv[1]);
     if (gripper.readOnce().is_grasped == picks) {
