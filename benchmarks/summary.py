@@ -249,7 +249,7 @@ def make(effort: Effort) -> ReportSection:
         plan = Planner(name, library=False).plan()
         if name == SHOWN:
             pictures.append(Picture("example", f"A throw: scene {name}", plan.draw()))
-        found = replay(plan).to_dict()["difference"]
+        found = replay(plan).objects[0].to_dict()["difference"]
         row: Row = {"scene": name, "status": plan.status}
         for title, key in ((SURFACE, "limit_surface"), (PIVOT, "sp")):
             row[f"{title} [mm]"] = 1e3 * found[key]["position"]
@@ -257,8 +257,8 @@ def make(effort: Effort) -> ReportSection:
         rows.append(row)
         step()
     words = (
-        "Distance of MuJoCo's landing, with twelve contact points a pad, from what the two release "
-        "models say of the same motion."
+        "Distance of MuJoCo's landing, with a contact a pad whose friction is the limit surface's "
+        "ellipsoid, from what the two release models say of the same motion."
     )
     caption = "MuJoCo's landing less the models'"
     table = Table(MUJOCO, caption, rows, short=True, digits=2)

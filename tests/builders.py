@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.models.robot import LinkInertia
-from throwplan.planner.cycle import Cycle
 from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
+from throwplan.planner.result import SentMotion
 from throwplan.planner.throw import TICK, make_manipulator
 from throwplan.planner.verdict import grip_use
 
@@ -75,32 +75,15 @@ def edit_plan(folder: Path, **changes: Any) -> Path:
     return folder
 
 
-def fit_gripper(folder: Path) -> Path:
-    """The column gripper of a cycle's motion.csv made anew for its cycle.json; the folder."""
-    steps = json.loads((folder / "cycle.json").read_text())["steps"]
-    header, *lines = (folder / "motion.csv").read_text().splitlines()
-    rows = [line.split(",") for line in lines]
-    column = header.split(",").index("gripper")
-    for number, row in enumerate(rows):
-        held = (
-            one["samples"][0] <= number
-            and float(row[0]) < one["opening_time"] - one["definition"]["gripper"]["dwell"]
-            for one in steps
-        )
-        row[column] = "1" if any(held) else "0"
-    text = [header, *(",".join(row) for row in rows)]
-    (folder / "motion.csv").write_text("\n".join(text) + "\n")
-    return folder
-
-
-def with_grip(cycle: Cycle, share: float) -> Cycle:
-    """The cycle with a share of the grip force that each carry needs by the verdict."""
-    steps = []
-    for one in cycle.steps:
-        carried = cycle.samples[one.held : int(one.opening_time / TICK) + 1]
-        force = share * one.scene.gripper.profile().full * grip_use(one.space, carried).use.max()
-        steps.append(dataclasses.replace(one, scene=varied(one.scene, gripper={"force": force})))
-    return dataclasses.replace(cycle, steps=tuple(steps))
+def with_grip(motion: SentMotion, share: float) -> SentMotion:
+    """The motion with a share of the grip force that each carry needs by the verdict."""
+    throws = []
+    for one in motion.carries:
+        carried = motion.samples[one.held : int(one.opening_time / TICK) + 1]
+        scene = one.throw.scene
+        force = share * scene.gripper.profile().full * grip_use(one.space, carried).use.max()
+        throws.append(one.throw.in_scene(varied(scene, gripper={"force": force, "peak": None})))
+    return motion.in_throws(*throws)
 
 
 def swinging(name: str, every: bool = False) -> ArmMotion:

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 from throwplan import Planner
-from throwplan.planner.cycle import Cycle, plan_cycle, save_cycle
-from throwplan.planner.result import Plan, joint_samples, sent_throw
-from throwplan.planner.robot import ObjectReplay, replay_cycle
+from throwplan.planner.cycle import Cycle, plan_cycle
+from throwplan.planner.result import Plan, sent_motion
+from throwplan.planner.robot import ObjectReplay, replay
 from throwplan.planner.throw import TICK, State, joint_limits, transfer
 from throwplan.problems.job_files import Jobs, load_jobs
 
@@ -145,7 +145,7 @@ def _posts(random: np.random.Generator) -> str:
 
 def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
     """Plan and judge random lists, and print times an object and their median and 90 %."""
-    names = ["thrown", "with stops", "ratio", "one by one", "ratio", "planning"]
+    names = ["thrown", "one by one", "ratio", "planning"]
     print("time an object [s]:", ", ".join(names))
     rows, broken, unsolved, thrown = list[list[float]](), 0, 0, list[ObjectReplay]()
     for seed in range(count):
@@ -158,14 +158,12 @@ def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
                 print(seed, cycle.message, flush=True)
                 unsolved += 1
                 continue
-            save_cycle(cycle, name)
+            cycle.save(name)
             found = broken_limits(Path(name))
-            replays = replay_cycle(name).replays
+            replays = replay(name).objects
         thrown += replays
-        row = [cycle.duration]
-        for other in (cycle.stops, one_by_one(jobs, cycle)):
-            row += [other, cycle.duration / other * picks]
-        row += [spent]
+        alone = one_by_one(jobs, cycle)
+        row = [cycle.duration, alone, cycle.duration / alone * picks, spent]
         rows.append([value / picks for value in row])
         broken += bool(found)
         print(seed, *(f"{value:.3f}" for value in rows[-1]), found, flush=True)
@@ -181,27 +179,29 @@ def one_by_one(jobs: Jobs, cycle: Cycle) -> float:
     Each throw is planned in the least time from where the plan chooses to begin. Nothing waits in
     the way of the motions between, so the time is a lower bound.
     """
-    limits, place = joint_limits(jobs.arm, range(jobs.arm.joints)), cycle.samples.q[0]
-    plans, total = list[Plan](), sum(pick.grasp_time for pick in jobs.picks)
+    assert cycle.motion is not None
+    motion, limits = cycle.motion, joint_limits(jobs.arm, range(jobs.arm.joints))
+    place, plans = motion.q[0], list[Plan]()
+    total = sum(pick.grasp_time for pick in jobs.picks)
 
     def move(to: np.ndarray) -> float:
-        motion = transfer(limits, *(State(q, 0 * q, 0 * q) for q in (place, to)))
-        assert motion is not None
-        return TICK * motion.ticks
+        found = transfer(limits, *(State(q, 0 * q, 0 * q) for q in (place, to)))
+        assert found is not None
+        return TICK * found.ticks
 
-    for step in cycle.steps:
-        plan = next((one for one in plans if one.scene == step.scene), None)
+    for one in motion.carries:
+        scene = one.throw.scene
+        plan = next((each for each in plans if each.scene == scene), None)
         if plan is None:
-            plan = Planner(step.scene, library=False).plan()
+            plan = Planner(scene, library=False).plan()
             plans.append(plan)
         if not plan.solved:
             return math.nan
-        swing, azimuth = sent_throw(plan).samples, step.throw(cycle.samples).target.plane.azimuth
-        joints = joint_samples(step.space.kinematics, azimuth, swing)[0]
-        for goal in (cycle.samples.q[step.reach], joints[0]):
+        swing = sent_motion(plan)
+        for goal in (motion.q[one.reach], swing.q[0]):
             total, place = total + move(goal), goal
-        total, place = total + float(swing.times[-1]), joints[-1]
-    return total + move(cycle.samples.q[-1])
+        total, place = total + swing.duration, swing.q[-1]
+    return total + move(motion.q[-1])
 
 
 def print_replays(replays: list[ObjectReplay]) -> None:

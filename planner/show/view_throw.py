@@ -172,7 +172,7 @@ class SpaceMotion(ReadOnly):
         """`SpaceThrow.phases` of each object, on the motion's clock."""
         each = zip(self.names, self.throws, self.begins, self.held, strict=True)
         return {
-            name: {
+            name or "object": {
                 phase: held if phase == "carry" else begin + time
                 for phase, time in throw.phases().items()
             }

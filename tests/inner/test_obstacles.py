@@ -16,7 +16,7 @@ from builders import varied
 from throwplan.models import Trajectory
 from throwplan.models.robot import LinkCapsule
 from throwplan.planner.clearance import CollisionScene, contacts, held_bar, overlap
-from throwplan.planner.show import serving, space_throw
+from throwplan.planner.show import serving, space_motion
 from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.verdict import collision
 from throwplan.problems import Obstacle
@@ -205,7 +205,7 @@ def test_a_saved_plan_keeps_its_obstacles(around, tmp_path, free_port):
     again = tp.read_plan(tmp_path)
     assert again.scene.obstacle == (WALL,)
     assert not contacts(again)
-    with serving(space_throw(again), free_port()) as (_, panel):
+    with serving(space_motion(again), free_port()) as (_, panel):
         assert panel
 
 

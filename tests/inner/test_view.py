@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.robot import cycle_in_space
-from throwplan.planner.show import serving, space_throw
+from throwplan.planner.robot import motion_to_rest
+from throwplan.planner.show import serving, space_motion, space_throw
 
 AZIMUTH = np.radians(20.0)
 
@@ -21,7 +21,7 @@ def space(turned) -> Any:
 
 @pytest.fixture(scope="module")
 def panel(space: Any, free_port):
-    with serving(space, free_port()) as (_, panel):
+    with serving(space_motion(space.throw), free_port()) as (_, panel):
         yield panel
 
 
@@ -95,7 +95,7 @@ def test_the_names_of_the_marks_are_one_below_the_other(
         heights[text] = float(at + position[2])
 
     monkeypatch.setattr(panel.view.server.scene, "add_label", label)
-    panel.view.change(space)
+    panel.view.change(space_motion(space.throw))
     low, high = space.extent()
     below = -np.diff([heights[name] for name in ("detach", "opening", "command")])
     assert (below > 0.045 * (high - low).max()).all()
@@ -143,7 +143,7 @@ def test_the_button_goes_to_the_release(panel: Any) -> None:
 def test_a_cycle_moves_each_object_from_its_pick_to_its_bin(cycled, free_port) -> None:
     """Each lies at its pick until it is held, is carried without a jump, and ends at its target;
     the arm goes on meanwhile."""
-    space, _ = cycle_in_space(cycled)
+    space, _ = motion_to_rest(cycled)
     assert space.names == ("part", "other part")
     picks = (0.45, 0.1), (0.45, -0.1)
     for bar, throw, held, (x, y) in zip(space.bars, space.throws, space.held, picks, strict=True):

@@ -9,7 +9,7 @@ import pytest
 import throwplan as tp
 from browser import browsing, needs_browser
 from matplotlib.colors import rgb_to_hsv
-from throwplan.planner.show import serving, space_throw
+from throwplan.planner.show import serving, space_motion
 
 
 def count(picture: np.ndarray, hue: float, saturation: tuple[float, float], value: tuple) -> int:
@@ -23,8 +23,8 @@ def count(picture: np.ndarray, hue: float, saturation: tuple[float, float], valu
 @pytest.mark.slow
 @needs_browser
 def test_the_page_shows_arm_bar_cup_and_slider(saved, free_port) -> None:
-    space = space_throw(tp.read_plan(saved("near-cup")))
-    marks = space.line.marks
+    space = space_motion(tp.read_plan(saved("near-cup")))
+    marks = space.throws[0].line.marks
     least = {"bar": 500, "cup": 2500, "arm": 10_000, "slider": 5000}
     # Not one colour over everything either.
     most = {"bar": 20_000, "cup": 40_000, "arm": 120_000, "slider": 40_000}

@@ -17,14 +17,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import fit_gripper
-from throwplan.planner.robot import export, joint_motion
+from throwplan.planner.robot import commands_of, export, joint_motion
 
 JOINTS = range(1, 8)
 
 
 def test_a_cycles_franka_files_have_its_commands_and_its_stops(
-    cycled, turned, tmp_path, run, table
+    cycled, tmp_path, run, table
 ) -> None:
     assert run("export", cycled, "--franka", tmp_path).status == 0
     steps = json.loads((cycled / "cycle.json").read_text())["steps"]
@@ -48,9 +47,6 @@ def test_a_cycles_franka_files_have_its_commands_and_its_stops(
         q = stops[f"q{j}"]
         np.testing.assert_array_equal(q[first], sent[f"q{j}"][begins])
         assert np.abs(q[last] - q[last - 1]).max() < 1e-6
-    # A plan's files take their place.
-    run("export", turned[1], "--franka", tmp_path)
-    assert not (tmp_path / "stops.csv").exists()
 
 
 def test_what_a_franka_hand_cannot_do_is_not_exported(cycled, tmp_path, refused) -> None:
@@ -59,8 +55,8 @@ def test_what_a_franka_hand_cannot_do_is_not_exported(cycled, tmp_path, refused)
     samples = table["steps"][1]["samples"]
     samples[0] = samples[1] - 300
     (folder / "cycle.json").write_text(json.dumps(table))
-    said = refused("export", fit_gripper(folder), "--franka", tmp_path / "f")
-    assert "(pick 2 of 2): the hand closes at" in said and not (tmp_path / "f").exists()
+    said = refused("export", folder, "--franka", tmp_path / "f")
+    assert "other part: the hand closes at" in said and not (tmp_path / "f").exists()
 
 
 def built(folder: Path) -> Path:
@@ -157,8 +153,9 @@ def test_six_parts_are_picked_and_thrown(six, cycling, thrown) -> None:
     np.testing.assert_allclose(sent, motion.q, atol=1e-9)
     # The hand opens on the way; each command goes out in its cycle, not before.
     assert first == "move" and [kind for kind, *_ in orders] == ["grasp", "move"] * 6
-    ends = [*(command.cycle for command in motion.commands[1:]), len(sent)]
-    for command, (_, *shape, cycles), end in zip(motion.commands, orders, ends, strict=True):
+    commands = commands_of(motion)
+    ends = [*(command.cycle for command in commands[1:]), len(sent)]
+    for command, (_, *shape, cycles), end in zip(commands, orders, ends, strict=True):
         values = (command.width, command.tolerance, 0.2, command.force)
         assert [float(value) for value in shape] == pytest.approx(values)
         assert command.cycle <= int(cycles) < end
@@ -195,8 +192,8 @@ def test_what_goes_wrong_with_an_object_stops_the_arm(
         if begin + len(brake) == len(sent) and np.abs(sent[begin:] - brake).max() < 1e-9
     )
     np.testing.assert_allclose(sent[:begin], motion.q[:begin], atol=1e-9)
-    last = carry.due + 100 if kind == "move" else carry.open.cycle
-    assert carry.reach < begin < last
+    last = carry.detach_time + 0.4 if kind == "move" else carry.command_time
+    assert carry.reach < begin < 1e3 * last
     values, limits = sent, motion.arm.limits
     for most in (limits.velocity, limits.acceleration, limits.jerk):
         values = np.diff(values, axis=0) / 1e-3

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 import throwplan as tp
 from simulated_robot import TICK, simulated
-from throwplan.planner.robot import JointMotion, approach, joint_motion, rehearse, throws
+from throwplan.planner.robot import approach, joint_motion, rehearse, throws
+from throwplan.planner.result import SentMotion
 from throwplan.problems import InputError
 
 
 @pytest.fixture(scope="module")
-def motion(saved) -> JointMotion:
+def motion(saved) -> SentMotion:
     """The motion of a plan of an FR3."""
     return joint_motion(saved("fr3"))
 
@@ -51,7 +52,7 @@ def test_a_scenes_own_delay_stays(tmp_path) -> None:
 # Watched.
 
 
-def sent_whole(franka, motion: JointMotion) -> np.ndarray:
+def sent_whole(franka, motion: SentMotion) -> np.ndarray:
     """The joints (N, 7) sent each millisecond, within the arm's limits, from rest to rest."""
     limits = motion.arm.limits
     values = sent = np.array(franka.robot.sent)
@@ -190,7 +191,7 @@ def test_what_a_throw_needs_is_said_before_it(motion, saved, run) -> None:
     scene = motion.throw.scene
     # The bar is in line with the hand: pads' centre behind the flange, CoM ahead of it.
     ahead = scene.arm.tool.tcp + scene.com_offset
-    assert facts["load"] == {"mass": 0.24, "com": pytest.approx([0.0, 0.0, ahead], abs=1e-6)}
+    assert facts["load"] == [{"mass": 0.24, "com": pytest.approx([0.0, 0.0, ahead], abs=1e-6)}]
     # The object starts in the swept space and lands at the target.
     swept, flown = facts["swept"], facts["flown"]
     landing = motion.throw.landing

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import edit_plan, with_grip
-from throwplan.planner.cycle import Cycle, read_cycle
-from throwplan.planner.robot import replay_cycle
+from throwplan.planner.result import SentMotion, read_motion
+from throwplan.planner.robot import ObjectReplay
 
 pytest.importorskip("mujoco")
 
@@ -42,7 +42,7 @@ y = 0.2
 z = 0.34
 """
 #: A coarser step than the usual one: half the digits, a fraction of the time.
-COARSE = 5e-5
+COARSE = 2e-4
 
 
 def edited(folder: Path, copy: Path, **sections) -> Path:
@@ -51,11 +51,11 @@ def edited(folder: Path, copy: Path, **sections) -> Path:
 
 
 @pytest.fixture(scope="module")
-def into_cup(saved) -> tp.Replay:
-    return tp.replay(saved("near-cup"), step=2e-5)
+def into_cup(saved) -> ObjectReplay:
+    return tp.replay(saved("near-cup")).objects[0]
 
 
-def assert_off(result: tp.Replay, other: str, millimetres: float, degrees: float) -> None:
+def assert_off(result: ObjectReplay, other: str, millimetres: float, degrees: float) -> None:
     difference = result.to_dict()["difference"][other]
     assert 1e3 * difference["position"] < millimetres
     assert math.degrees(difference["angle"]) < degrees
@@ -78,7 +78,7 @@ def test_a_cup_that_moves_is_hit_as_it_sees_the_bar(planner_of) -> None:
     """In the cup's frame the same physics: the throw ends in it, near the exact model's landing."""
     planner = planner_of("near-cup")
     plan = planner.plan(planner.scene.target.changed(velocity=(-0.2,)))
-    result = tp.replay(plan, step=COARSE)
+    result = tp.replay(plan, step=COARSE).objects[0]
     assert_off(result, "target", 0.5, 0.2)
     cup = result.to_dict()["cup"]
     assert cup["in"] and cup["at_rest"] and not cup["touched_rim"]
@@ -98,10 +98,9 @@ def test_flight_keeps_energy_and_momentum(into_cup, plan_of) -> None:
         assert bend is None or curve.coef[2] == pytest.approx(bend, rel=1e-4)
 
 
-def test_one_contact_with_torsion_is_the_limit_surface(saved) -> None:
+def test_a_contact_with_torsion_is_the_limit_surface(saved) -> None:
     """The same ellipsoid: only the solvers differ."""
-    result = tp.replay(saved("pose"), step=2e-5, points=1, flight_step=2e-4)
-    assert_off(result, "limit_surface", 0.04, 0.03)
+    assert_off(tp.replay(saved("pose")).objects[0], "limit_surface", 0.04, 0.03)
 
 
 @pytest.mark.parametrize(
@@ -119,7 +118,7 @@ def test_a_cup_elsewhere_is_missed(sections, words, touched, saved, tmp_path, ru
 
 
 def test_json_of_a_plan_without_a_cup(saved, run) -> None:
-    result = run("replay --json", saved("pose") / "plan.json").json
+    (result,) = run("replay --json", saved("pose") / "plan.json").json["objects"]
     assert result["cup"] is None and result["touched"] == []
     assert result["landing"]["mujoco"]["y"] == 0.0
     sent = json.loads((saved("pose") / "plan.json").read_text())["landing"]["sent"]
@@ -133,26 +132,25 @@ def test_files_and_a_hand_that_throws_full_turns(saved, tmp_path, run, table) ->
     assert said.status == 0 and f"written to {out}" in said.out
     assert sorted(p.name for p in out.iterdir()) == ["replay.csv", "replay.json", "replay.png"]
     rows = table(out / "replay.csv")
-    assert rows.dtype.names[0] == "t"
+    assert rows.dtype.names == ("object", "t", "x", "y", "z", "theta")
     np.testing.assert_allclose(np.diff(rows["t"]), 1e-3, atol=1e-8)
-    landing = json.loads((out / "replay.json").read_text())["landing"]["mujoco"]
+    landing = json.loads((out / "replay.json").read_text())["objects"][0]["landing"]["mujoco"]
     assert landing["theta"] == pytest.approx(math.radians(270), abs=math.radians(1.5))
     assert "y" not in landing
 
 
 def test_a_base_column_in_the_way_is_hit(saved, tmp_path) -> None:
     sections = {"workspace": {"column_radius": 0.95, "column_height": 0.8}}
-    result = tp.replay(edited(saved("pose"), tmp_path / "column", **sections), step=COARSE)
-    assert result.touched == ("base column",)
+    (result,) = tp.replay(edited(saved("pose"), tmp_path / "column", **sections), COARSE).objects
+    assert "base column" in result.touched
 
 
 # Many cases, for `make verify`.
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("change", [{"step": 5e-6}, {"flight_step": 5e-5}, {"points": 16}])
-def test_neither_steps_nor_points_decide_the_landing(into_cup, saved, change) -> None:
-    one, other = into_cup.to_dict(), tp.replay(saved("near-cup"), **change).to_dict()
+def test_steps_do_not_decide_the_landing(into_cup, saved) -> None:
+    one, other = into_cup.to_dict(), tp.replay(saved("near-cup"), step=5e-5).objects[0].to_dict()
     a, b = one["landing"]["mujoco"], other["landing"]["mujoco"]
     assert a["x"] == pytest.approx(b["x"], abs=1e-4)
     assert a["theta"] == pytest.approx(b["theta"], abs=math.radians(0.05))
@@ -162,7 +160,7 @@ def test_neither_steps_nor_points_decide_the_landing(into_cup, saved, change) ->
 @pytest.mark.slow
 def test_what_bounces_may_leave_the_cup(saved) -> None:
     """The CoM stands at the rim's height: half its speed back is too much."""
-    bounced = tp.replay(saved("near-cup"), step=2e-5, restitution=0.5)
+    (bounced,) = tp.replay(saved("near-cup"), restitution=0.5).objects
     assert not bounced.to_dict()["cup"]["in"]
 
 
@@ -170,7 +168,7 @@ def test_what_bounces_may_leave_the_cup(saved) -> None:
 def test_a_turned_plane_gives_poses_in_the_base_frame(into_cup, saved, tmp_path) -> None:
     target = {"x": 0.9 * math.cos(1), "y": 0.9 * math.sin(1)}
     turned = edited(saved("near-cup"), tmp_path / "turned", target=target)
-    landing = tp.replay(turned, step=2e-5).to_dict()["landing"]["mujoco"]
+    landing = tp.replay(turned).objects[0].to_dict()["landing"]["mujoco"]
     straight = into_cup.to_dict()["landing"]["mujoco"]
     assert math.atan2(landing["y"], landing["x"]) == pytest.approx(1.0)
     assert math.hypot(landing["x"], landing["y"]) == pytest.approx(straight["x"], abs=1e-5)
@@ -181,7 +179,7 @@ def test_a_cycles_objects_land_in_mujoco_where_they_are_to(cycled, tmp_path, run
     done = run("replay", cycled, "--out", tmp_path)
     assert done.status == 0
     assert "two: in MuJoCo 2 of 2 land inside the tolerance" in done.out
-    found = json.loads((tmp_path / "replay.json").read_text())["steps"]
+    found = json.loads((tmp_path / "replay.json").read_text())["objects"]
     steps = json.loads((cycled / "cycle.json").read_text())["steps"]
     assert [(one["pick"], one["bin"]) for one in found] == [
         (step["pick"], step["bin"]) for step in steps
@@ -205,13 +203,14 @@ def test_a_cycles_objects_land_in_mujoco_where_they_are_to(cycled, tmp_path, run
 
 def test_the_hand_goes_on_as_in_the_cycle(cycled) -> None:
     """In its swings it is where the throws have it; it comes to the picks and ends at the first."""
-    cycle = read_cycle(cycled)
-    for step, throw in zip(cycle.steps, cycle.throws, strict=True):
-        times = 1e-3 * np.arange(step.free - step.join)
+    motion = read_motion(cycled)
+    for step in motion.carries:
+        throw, times = step.throw, 1e-3 * np.arange(step.free - step.join)
         own = throw.target.plane.poses(throw.manipulator.hand(throw.to_rest).at(times).pose)
-        _, hand = cycle.arm_at(times + 1e-3 * step.join)
+        _, hand = motion.poses_at(times + 1e-3 * step.join)
         np.testing.assert_allclose(hand, own, rtol=0, atol=1e-9)
-    _, (first, second, last) = cycle.arm_at(np.array([0.0, 1e-3 * cycle.steps[1].reach, 99.0]))
+    times = np.array([0.0, 1e-3 * motion.carries[1].reach, 99.0])
+    _, (first, second, last) = motion.poses_at(times)
     # The picks of the job file, hand down.
     for pose, (x, y, z) in ((first, (0.45, 0.1, 0.35)), (last, (0.45, 0.1, 0.35))):
         np.testing.assert_allclose(pose[:3, 3], (x, y, z), rtol=0, atol=1e-6)
@@ -219,43 +218,43 @@ def test_the_hand_goes_on_as_in_the_cycle(cycled) -> None:
     np.testing.assert_allclose(second[:3, 3], (0.45, -0.1, 0.35), rtol=0, atol=1e-6)
 
 
-def test_the_object_hits_the_hand_where_the_cycle_moves_it(cycled) -> None:
+def test_the_object_hits_the_hand_where_the_motion_moves_it(cycled) -> None:
     """The palm stands where the object is 0.2 s after detach."""
-    cycle = read_cycle(cycled)
-    samples = cycle.samples[: cycle.steps[0].free + 1]
-    cycle = dataclasses.replace(cycle, steps=cycle.steps[:1], samples=samples)
-    (throw,), (free,) = cycle.throws, replay_cycle(cycle).replays
+    motion = read_motion(cycled)
+    carry = motion.carries[0]
+    alone = SentMotion("alone", motion.samples[: carry.free + 1], (carry,))
+    (free,) = tp.replay(alone).objects
     assert free.hits == []
-    begins = cycle.steps[0].detach_time
+    begins, throw = carry.detach_time, carry.throw
     at = np.searchsorted(free.times, throw.detach_time + 0.2)
     tool, x, z = throw.scene.arm.tool, *free.com[:2, at]
     up = np.array([[x], [z + (tool.palm_back + tool.palm_front) / 2], [math.pi / 2]])
 
-    class Blocked(Cycle):
-        def arm_at(self, times):
-            frames, hand = super().arm_at(times)
+    class Blocked(SentMotion):
+        def poses_at(self, times):
+            frames, hand = super().poses_at(times)
             hand[times > begins + 0.1] = throw.target.plane.poses(up)
             return frames, hand
 
-    fields = {one.name: getattr(cycle, one.name) for one in dataclasses.fields(Cycle)}
-    assert "hand (flying)" in replay_cycle(Blocked(**fields)).replays[0].hits
+    blocked = Blocked(alone.name, alone.samples, alone.carries)
+    assert "hand (flying)" in tp.replay(blocked).objects[0].hits
 
 
 def test_a_grip_too_weak_for_the_carry_turns_the_object(cycled) -> None:
     """As the verdict says of it."""
-    weak = with_grip(read_cycle(cycled), 0.3)
+    weak = with_grip(read_motion(cycled), 0.3)
     assert "grip" in weak.verdict.words
-    for one in replay_cycle(weak).replays:
+    for one in tp.replay(weak).objects:
         assert one.turn > math.radians(1) and not one.inside
 
 
 def test_an_object_at_its_pick_is_met_by_the_one_that_is_carried_through_it(cycled) -> None:
     """The second one stands where the hand is while it carries the first."""
-    cycle = read_cycle(cycled)
-    first, second = cycle.steps
+    motion = read_motion(cycled)
+    first, second = motion.carries
     through = (first.held + first.join) // 2
     second = dataclasses.replace(second, reach=through, held=through)
-    one, _ = replay_cycle(dataclasses.replace(cycle, steps=(first, second))).replays
+    one, _ = tp.replay(dataclasses.replace(motion, carries=(first, second))).objects
     assert "object other part" in one.collisions["carried"] and one.turn > math.radians(1)
 
 
@@ -273,9 +272,9 @@ def test_what_falls_into_a_cup_lies_on_what_is_in_it(velocity, tmp_path) -> None
     (tmp_path / "jobs.toml").write_text(INTO_CUP.format(velocity=velocity))
     cycle = tp.plan_cycle(tp.load_jobs(tmp_path / "jobs.toml"))
     assert cycle.solved, cycle.message
-    first, second = replay_cycle(cycle).replays
+    first, second = tp.replay(cycle).objects
     assert first.hits == [] and first.inside and first.rest.inside and first.rest.at_rest
     assert second.collisions["carried"] == () and second.rest.entered
     assert second.rest.pose[2] > first.rest.pose[2]
     assert "floor" not in (*first.touched, *second.touched)
-    assert f"object {cycle.steps[0].pick}" in second.touched
+    assert f"object {cycle.motion.carries[0].pick}" in second.touched

@@ -18,13 +18,13 @@ from simulated_robot import BINDING
 from throwplan.planner.robot import (
     Franka,
     GripperState,
-    JointMotion,
     Recording,
     approach,
     corrected,
     joint_motion,
     read_recording,
 )
+from throwplan.planner.result import SentMotion
 from throwplan.planner.verdict import verdict
 from throwplan.problems import InputError, Obstacle
 from throwplan.problems.arms import load_arm
@@ -40,7 +40,7 @@ def plan(saved) -> Path:
     return saved("fr3")
 
 
-def lagging(motion: JointMotion, still: float = 0.5, spring: float = 4500.0) -> Recording:
+def lagging(motion: still: float = 0.5, spring: float = 4500.0) -> Recording:
     """What an arm records whose joints are pulled to what is sent by springs, damped by far.
 
     As franky-sim's are: ddq = 4500 (sent - q) - 450 dq, a lag of 0.1 s.
@@ -52,7 +52,7 @@ def lagging(motion: JointMotion, still: float = 0.5, spring: float = 4500.0) -> 
     return Recording(TICK * np.arange(len(sent)), q, sent, (motion.throw.command_time,))
 
 
-def errors(recording: Recording, motion: JointMotion) -> np.ndarray:
+def errors(recording: Recording, motion: SentMotion) -> np.ndarray:
     """Landing off the target: [m], [rad]."""
     error = recording.to_dict(motion)["error"]
     return np.array([error["position"], error["angle"]])
@@ -74,7 +74,7 @@ def test_a_measured_throw_may_use_up_the_clearances_of_its_plan(plan, rest) -> N
     times = TICK * np.arange(len(motion.q) + rest)
     q = np.pad(motion.q, ((0, rest), (0, 0)), "edge")
     recording = Recording(times, q, q, (throw.command_time,))
-    seen = recording.to_dict(JointMotion.of(roomy))
+    seen = recording.to_dict(SentMotion.of(roomy))
     assert seen["succeeds"] and not seen["findings"]
 
 
@@ -100,11 +100,11 @@ def test_a_lag_is_learnt_in_three_runs_inside_all_limits(plan) -> None:
         sent, expected = corrected(motion, recording)
         assert abs(expected.miss()[0]) < 1e-3 and abs(expected.miss()[1]) < math.radians(0.5)
         most = limits.velocity, limits.acceleration, limits.jerk
-        for values, bound in zip((sent.q, sent.dq, sent.ddq), most, strict=True):
+        for values, bound in zip(sent.samples.rows, most, strict=True):
             rates = np.abs(np.diff(values, axis=0)).max(axis=0) / TICK
             assert (rates <= np.array(bound) * (1 + 1e-6)).all()
         assert (sent.q >= limits.position_min).all() and (sent.q <= limits.position_max).all()
-        assert not sent.dq[[0, -1]].any()
+        assert not sent.samples.dq[[0, -1]].any()
     assert found[0][0] > 0.05
     assert (found[2] < found[0] / 10).all()
 
@@ -247,9 +247,9 @@ def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
     motion = joint_motion(plan)
     way = approach(motion, HOME)
 
-    def among(*obstacles: Obstacle) -> JointMotion:
+    def among(*obstacles: Obstacle) -> SentMotion:
         scene = motion.throw.scene.replace(obstacle=obstacles)
-        return JointMotion.of(dataclasses.replace(motion.throw, scene=scene))
+        return SentMotion.of(dataclasses.replace(motion.throw, scene=scene))
 
     # On the way of the flange, and far from it.
     q = ca.SX.sym("q", 7)

@@ -66,8 +66,9 @@ def test_json_is_one_object_with_the_phases(saved, free_port) -> None:
     assert (process.returncode, err) == (0, "")
     answer = json.loads(out)
     assert answer["address"] == f"http://127.0.0.1:{port}"
-    assert list(answer["phases"]) == ["carry", "stick", "slide", "flight", "landing"]
-    times = list(answer["phases"].values())
+    phases = answer["phases"]["object"]
+    assert list(phases) == ["carry", "stick", "slide", "flight", "landing"]
+    times = list(phases.values())
     assert times == sorted(times) and times[0] == 0.0
 
 

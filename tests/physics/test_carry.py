@@ -14,7 +14,7 @@ import throwplan as tp
 from builders import inertia_matrix, swinging, varied
 from throwplan.models import Contact, SurfaceShape, pinch_use
 from throwplan.planner.clearance import BAR, SpatialScene
-from throwplan.planner.cycle import read_cycle
+from throwplan.planner.result import read_motion
 from throwplan.planner.robot import joint_motion
 from throwplan.planner.throw import Samples, friction_use, make_manipulator
 from throwplan.planner.verdict import Code, Verdict, grip_use, motion_verdict
@@ -169,7 +169,7 @@ def test_in_the_throw_s_plane_it_is_the_throw_s_grip_use(planner_of, azimuth: fl
     x = planner.scene.target.x
     target = tp.Pose(x * math.cos(azimuth), planner.scene.target.z, 0.0, y=x * math.sin(azimuth))
     motion = joint_motion(planner.plan(target))
-    throw, samples = motion.throw, Samples(motion.q, motion.dq, motion.ddq)
+    throw, samples = motion.throw, motion.samples
     found = grip_use(space_of(throw.scene), samples)
     expected = friction_use(throw.scene, throw.hand(throw.samples.times))
     assert expected.max() > 0.5
@@ -343,10 +343,9 @@ def test_samples_of_other_joints_are_refused() -> None:
 @pytest.fixture(scope="module")
 def carry(cycled: Path) -> tuple[SpatialScene, Samples]:
     """From rest at a pick to the last sample before the pads open."""
-    cycle = read_cycle(cycled)
-    step, samples = cycle.steps[0], cycle.samples
-    rows = slice(step.held, math.floor(1e3 * step.opening_time) + 1)
-    return step.space, Samples(samples.q[rows], samples.dq[rows], samples.ddq[rows])
+    motion = read_motion(cycled)
+    one = motion.carries[0]
+    return one.space, motion.samples[one.held : math.floor(1e3 * one.opening_time) + 1]
 
 
 def test_the_grip_is_judged_between_samples_too() -> None:
