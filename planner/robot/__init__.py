@@ -10,7 +10,7 @@ from .franka_run import approach, rehearse, throws
 from .gripper import GripperLink, GripperReply, GripperState
 from .learning import corrected
 from .motions import arm_of, commands_of, joint_motion
+from .mujoco_replay import ObjectReplay, Replay, replay
 from .recording import Recording, read_recording
-from .replay import ObjectReplay, Replay, replay
 from .viewing import motion_to_rest, view
 from .watch import find_stops

@@ -80,14 +80,14 @@ class Expectations:
         motion, arm = self.motion, arm_of(self.motion)
         torque, force = np.zeros(arm.joints), 0.0
         for number, part in parts_of(motion):
-            rows = motion.samples[part].rows
+            q, dq, ddq = motion.samples[part].rows
             space = motion.carries[number].space
             gravity = space.scene.gravity
-            load = np.hstack(space.object_wrench(space.spatial.pads(*rows)))
+            load = np.hstack(space.object_wrench(space.spatial.pads(q, dq, ddq)))
             force = max(force, float(np.linalg.norm(load[:, :3], axis=1).max()))
             if arm.links:
-                free = space.spatial.torques(*rows, gravity, 0 * load)
-                change = np.abs(space.spatial.torques(*rows, gravity, load) - free)
+                free = space.spatial.torques(q, dq, ddq, gravity, 0 * load)
+                change = np.abs(space.spatial.torques(q, dq, ddq, gravity, load) - free)
                 torque = np.maximum(torque, change.max(axis=0))
         felt = np.flatnonzero(torque > UNFELT) + 1
         return {int(j): float(torque[j - 1]) for j in felt}, force

@@ -94,8 +94,12 @@ class _Simulation:
         throws falls as it should, since MuJoCo moves bodies by the velocity after a step.
         """
         step, count = TICK / substeps, BATCH * substeps
-        self.world.set_step(step)
         times: Array = TICK * first + step * np.arange(-1.0, count + 1.0)
+        # MuJoCo moves what falls by the velocity after a step, g h / 2 beyond the mean.
+        change = self.motion.throw.scene.gravity * (step - self.world.model.opt.timestep) / 2
+        flying = np.flatnonzero(np.array(self.detach) <= times[0])
+        self.data.qvel[self.first[1] + 2 + 6 * flying] += change
+        self.world.set_step(step)
         frames, hand = self.motion.poses_at(times)
         links = [_as_mujoco(frames[1::substeps, link - 1]) for link in self.world.links]
         poses = _as_mujoco(_body_axes(hand))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from simulated_robot import TICK, simulated
+from throwplan.planner.result import SentMotion
 from throwplan.planner.robot import (
     Franka,
     Recording,
@@ -21,7 +22,6 @@ from throwplan.planner.robot import (
     rehearse,
     throws,
 )
-from throwplan.planner.result import SentMotion
 from throwplan.planner.throw import Samples
 from throwplan.problems import InputError
 
@@ -256,7 +256,7 @@ def test_a_grip_that_the_hand_does_not_have_is_refused(motion) -> None:
     scene = carry.throw.scene.changed(gripper=gripper)
     strong = dataclasses.replace(carry, throw=dataclasses.replace(carry.throw, scene=scene))
     check_motion("cycle", motion)
-    with pytest.raises(InputError, match="other part: the grip force is 200 N, .* 140 N at most"):
+    with pytest.raises(InputError, match=r"other part: the grip force is 200 N, .* 140 N at most"):
         check_motion("cycle", dataclasses.replace(motion, carries=(motion.carries[0], strong)))
     throw = dataclasses.replace(strong, pick="")
     with pytest.raises(InputError, match=r"plan: the object: the grip force is 200 N"):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from simulated_robot import TICK, simulated
-from throwplan.planner.robot import approach, joint_motion, rehearse, throws
 from throwplan.planner.result import SentMotion
+from throwplan.planner.robot import approach, joint_motion, rehearse, throws
 from throwplan.problems import InputError
 
 

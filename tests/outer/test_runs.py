@@ -15,6 +15,7 @@ import pytest
 import throwplan as tp
 from scipy.signal import cont2discrete, lfilter
 from simulated_robot import BINDING
+from throwplan.planner.result import SentMotion
 from throwplan.planner.robot import (
     Franka,
     GripperState,
@@ -24,7 +25,6 @@ from throwplan.planner.robot import (
     joint_motion,
     read_recording,
 )
-from throwplan.planner.result import SentMotion
 from throwplan.planner.verdict import verdict
 from throwplan.problems import InputError, Obstacle
 from throwplan.problems.arms import load_arm
@@ -40,7 +40,7 @@ def plan(saved) -> Path:
     return saved("fr3")
 
 
-def lagging(motion: still: float = 0.5, spring: float = 4500.0) -> Recording:
+def lagging(motion: SentMotion, still: float = 0.5, spring: float = 4500.0) -> Recording:
     """What an arm records whose joints are pulled to what is sent by springs, damped by far.
 
     As franky-sim's are: ddq = 4500 (sent - q) - 450 dq, a lag of 0.1 s.

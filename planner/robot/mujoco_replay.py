@@ -340,7 +340,8 @@ def _landing_of(
     """x, z, theta, time [s] and place aside [m] as the CoM falls freely through the target's height
     from MuJoCo's state (14,) and pose (3,) in the throw's plane; NaN if it does not."""
     # Turning about the throw's normal, which points along -y.
-    start = FlightState(*pose, detach[8], detach[10], -detach[12])
+    x, z, theta = pose
+    start = FlightState(x, z, theta, detach[8], detach[10], -detach[12])
     law, height = FlightLaw(throw.scene.gravity), throw.target.z
     duration = float(law.fall_time(start, height))
     if not math.isfinite(duration):
