@@ -136,7 +136,10 @@ def test_a_plan_is_sent_and_the_gripper_opens_in_its_cycle(planned, thrown) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("hand", "words"),
-    [({"OPENS": 0}, "did not open, is 20 mm wide"), ({"FAILS": 50}, "the gripper's connection failed")],
+    [
+        ({"OPENS": 0}, "did not open, is 20 mm wide"),
+        ({"FAILS": 50}, "the gripper's connection failed"),
+    ],
 )
 def test_a_plan_whose_gripper_fails_ends_with_a_line(planned, thrown, hand, words) -> None:
     said, (_, sent), _ = thrown(planned, **hand)
