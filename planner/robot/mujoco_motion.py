@@ -62,7 +62,7 @@ def simulate_motion(
         opens = any(
             one.opening_time < until and one.detach_time > TICK * begin for one in motion.carries
         )
-        simulation.advance(begin, math.ceil(TICK / (FINE * step if opens else step) - 1e-9))
+        simulation.advance(begin, step, opens=opens)
         if simulation.is_over:
             return simulation.motions()
     raise AssertionError
@@ -87,19 +87,20 @@ class _Simulation:
         self.belts = [(world.addresses(name), moves) for name, moves in world.belts.items()]
         self.rows = list[Array]()
 
-    def advance(self, first: int, substeps: int) -> None:
-        """Simulate BATCH samples from one on.
+    def advance(self, first: int, largest: float, *, opens: bool) -> None:
+        """Simulate BATCH samples from one on, in steps of at most `largest` [s].
 
         The hand's velocities are means over steps: so it is where the motion has it, and what it
         throws falls as it should, since MuJoCo moves bodies by the velocity after a step.
         """
+        substeps = math.ceil(TICK / (FINE * largest if opens else largest) - 1e-9)
         step, count = TICK / substeps, BATCH * substeps
         times: Array = TICK * first + step * np.arange(-1.0, count + 1.0)
         # MuJoCo moves what falls by the velocity after a step, g h / 2 beyond the mean.
         change = self.motion.throw.scene.gravity * (step - self.world.model.opt.timestep) / 2
         flying = np.flatnonzero(np.array(self.detach) <= times[0])
         self.data.qvel[self.first[1] + 2 + 6 * flying] += change
-        self.world.set_step(step)
+        self.world.set_step(step, largest)
         frames, hand = self.motion.poses_at(times)
         links = [_as_mujoco(frames[1::substeps, link - 1]) for link in self.world.links]
         poses = _as_mujoco(_body_axes(hand))
