@@ -83,16 +83,16 @@ class MotionWorld:
         return int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
 
     def set_step(self, step: float, largest: float) -> None:
-        """Simulate in steps [s], at most `largest`, which the springs of pads follow.
+        """Simulate in steps [s], at most `largest`; springs of contacts follow.
 
-        Where the step is finer while pads open, their springs stay: stiffer ones let pads bounce
-        off the object before their force has ended.
+        Those of pads do not follow below half of `largest`: stiffer ones let pads bounce off the
+        object before their force has ended.
         """
-        model = self.model
+        model, spring = self.model, max(2 * step, largest)
         model.opt.timestep = step
         pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
         collide = np.array([bool(self.bodies[one] and self.bodies[two]) for one, two in pairs])
-        model.pair_solref[~collide] = model.eq_solref[:] = model.jnt_solref[:] = 2 * largest, 1
+        model.pair_solref[~collide] = model.eq_solref[:] = model.jnt_solref[:] = spring, 1
         set_contacts(model, np.flatnonzero(collide), step, self.restitution, FRICTION)
 
 
