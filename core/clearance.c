@@ -367,11 +367,11 @@ static int64_t pairs_on(const bodies *all, const track *on)
     return on->flying ? all->pairs : all->always;
 }
 
-/* The distance that the axes of a pair of bodies need on a track. */
-static double apart_on(const bodies *all, const track *on, int64_t i)
+/* The distance that the axes of a pair of bodies need. */
+static double apart_of(const bodies *all, int64_t i)
 {
     const int64_t *meet = all->meet + 2 * i;
-    return all->radius[meet[0]] + all->radius[meet[1]] + (on->flying ? all->apart[i] : 0.0);
+    return all->radius[meet[0]] + all->radius[meet[1]] + all->apart[i];
 }
 
 /* Bodies of a track that are too near to something; how many are found. */
@@ -383,7 +383,7 @@ static int64_t look(const throw *t, const bodies *all, const track *on, double n
             const solid *from = all->around + s;
             if (b < all->links ? !all->moves[b] : !from->bar)
                 continue;
-            double when, needed = all->reach[b] + from->clearance;
+            double when, needed = all->radius[b] + from->clearance;
             double lack = missing(t, all, on, b, from, 0, needed, &when);
             if (lack > ROUNDING)
                 found[count++] = (contact){number, (double)b, (double)s, lack, when};
@@ -392,7 +392,7 @@ static int64_t look(const throw *t, const bodies *all, const track *on, double n
     for (int64_t i = 0; i < pairs_on(all, on); i++, meet += 2) {
         if (meet[1] >= bodies_here)
             continue;
-        double when, needed = apart_on(all, on, i);
+        double when, needed = apart_of(all, i);
         double lack = missing(t, all, on, meet[1], NULL, meet[0], needed, &when);
         if (lack > ROUNDING)
             found[count++] = (contact){number, (double)meet[1], (double)(-1 - meet[0]), lack, when};
@@ -481,13 +481,13 @@ CLONES EXPORT int64_t near_flights(const throw *shared, const bodies *all, int64
         for (int64_t s = 0; s < all->solids; s++) {
             const solid *from = all->around + s;
             for (int64_t b = all->links; from->bar && b < all->links + all->bar; b++) {
-                double needed = all->reach[b] + from->clearance;
+                double needed = all->radius[b] + from->clearance;
                 worst = fmax(worst, missing(&t, &here, &on, b, from, 0, needed, &when));
             }
         }
         const int64_t *meet = all->meet;
         for (int64_t i = 0; i < all->pairs; i++, meet += 2) {
-            double needed = apart_on(all, &on, i);
+            double needed = apart_of(all, i);
             if (meet[1] >= all->links)
                 worst = fmax(worst,
                              missing(&t, &here, &on, meet[1], NULL, meet[0], needed, &when));
@@ -540,7 +540,7 @@ CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flyi
             const solid *from = all->around + s;
             if (b < all->links ? !all->moves[b] : !from->bar)
                 continue;
-            pair p = {NULL, all, &on, b, 0, from, all->reach[b] + from->clearance, INFINITY, 0.0, 0.0};
+            pair p = {NULL, all, &on, b, 0, from, all->radius[b] + from->clearance, INFINITY, 0.0, 0.0};
             if (flying && !alone && b >= all->links && n)
                 p.lands = fmax(distance_at(&p, n - 1, &one, NULL), all->middle * all->radius[b]);
             room_of(&p, room);
@@ -549,7 +549,7 @@ CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flyi
     for (int64_t i = 0; i < pairs_on(all, &on); i++, meet += 2) {
         if (meet[1] >= all->links + bar || (alone && meet[1] < all->links))
             continue;
-        double needed = apart_on(all, &on, i);
+        double needed = apart_of(all, i);
         pair p = {NULL, all, &on, meet[1], meet[0], NULL, needed, INFINITY, 0.0, 0.0};
         room_of(&p, room);
     }
@@ -596,8 +596,7 @@ CLONES EXPORT int64_t overlaps(int64_t count, const linkage *arm, const bodies *
             double away = a[3] + b[3] - most;
             if (away > 0.0 && dot(off, off) > away * away)
                 continue;
-            double lack = all->radius[meet[0]] + all->radius[meet[1]]
-                - between_segments(ends + meet[0], ends + meet[1]);
+            double needed = apart_of(all, p), lack = needed - between_segments(ends + meet[0], ends + meet[1]);
             most = fmax(most, lack);
         }
         deepest[k] = most;

@@ -74,7 +74,7 @@ static const place PLACES[] = {
     STRUCTURE(solid), FIELD(solid, centre), FIELD(solid, axes), FIELD(solid, half),
     FIELD(solid, radius), FIELD(solid, clearance), FIELD(solid, bar),
     STRUCTURE(bodies), FIELD(bodies, links), FIELD(bodies, bar), FIELD(bodies, moved_by),
-    FIELD(bodies, moves), FIELD(bodies, places), FIELD(bodies, radius), FIELD(bodies, reach),
+    FIELD(bodies, moves), FIELD(bodies, places), FIELD(bodies, radius),
     FIELD(bodies, outline),
     FIELD(bodies, solids), FIELD(bodies, around), FIELD(bodies, pairs), FIELD(bodies, always),
     FIELD(bodies, meet), FIELD(bodies, apart),

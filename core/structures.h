@@ -223,14 +223,13 @@ typedef struct {
     const int64_t *moved_by; /* [links] the joint that moves it, -1 for none */
     const int64_t *moves;    /* [links + bar] whether it moves */
     const double *places;    /* [links][2][3] m, ends x, y, z, x and z along and up from that joint */
-    const double *radius;    /* [links + bar] m, as bodies meet each other */
-    const double *reach;     /* [links + bar] m, as solids meet them */
+    const double *radius;    /* [links + bar] m */
     const double *outline;   /* [bar][5] as of `scene`; NULL for a bar */
     int64_t solids;
     const solid *around; /* [solids] */
     int64_t pairs, always; /* the first `always` pairs at all times, the others in flight only */
     const int64_t *meet;   /* [pairs][2] bodies that may meet each other */
-    const double *apart;   /* [pairs] m, clearance between them in flight */
+    const double *apart;   /* [pairs] m, clearance between them; below 0: an overlap that is allowed */
     double behind, ahead, com_offset, grasp_angle, landing, middle;
 } bodies;
 

@@ -252,16 +252,15 @@ class Around:
         arm, space, found = self.moved, self.scene.workspace, dict[str, tuple[float, float]]()
         pose = self.motion.hand.at(self.ticks)[0]
         ends, groups, radii = self._capsules
-        reach = radii + (0.0 if arm is None else arm.arm.cover)
         moving = [k for k, group in enumerate(groups) if group > 0 and not self._on_axis(k)]
         if space is not None and space.floor is not None:
             lowest = [pose[:, 1].min()]
             if arm is not None:
                 lowest += [arm.heights(self.ticks).min(), self._palm(pose)[..., 1].min()]
-            lowest += [ends[k][..., 2].min() - reach[k] for k in moving]
+            lowest += [ends[k][..., 2].min() - radii[k] for k in moving]
             found["arm, floor"] = float(min(lowest)) - space.floor, 0.0
         for solid in self.solids:
-            away = [solid.distance(*ends[k]).min() - reach[k] for k in moving]
+            away = [solid.distance(*ends[k]).min() - radii[k] for k in moving]
             found[f"arm, {solid.name}"] = min(away, default=math.inf), solid.clearance
         links = () if arm is None else arm.arm.capsules
         away = [

@@ -101,7 +101,7 @@ def gap_to_waiting(folder: Path, number: int, q: Array) -> float:
     judge, _ = _read(folder)
     frames, arm = frames_of(judge.arm, q, 0 * q, 0 * q), judge.arm
     parts = [
-        (*(frames[c.link].point(end)[0] for end in (c.begin, c.end)), c.radius + arm.cover)
+        (*(frames[c.link].point(end)[0] for end in (c.begin, c.end)), c.radius)
         for c in arm.capsules
         if c.link > 1
     ]
@@ -183,7 +183,7 @@ class _CycleJudge:
                 until = slice(0, math.ceil(self.steps[k - 1]["detach_time"] / TICK) + 1, EVERY)
                 for (ends, size), number in zip(self.links, self.numbers, strict=True):
                     away = shapes.between_segments(*ends[:, until], begin, end).min()
-                    away -= size + self.arm.cover + radius
+                    away -= size + radius
                     if number > 1 and away < WAITING - NEAR:
                         yield f"link {number}, {step['pick']} at its pick: {away:.4f}"
             for (other, earlier), mine in itertools.product(
@@ -229,7 +229,7 @@ class _CycleJudge:
         if scene.workspace is None or scene.workspace.floor is None:
             return
         lowest = min(
-            ends[:, rows, 2].min() - radius - self.arm.cover
+            ends[:, rows, 2].min() - radius
             for (ends, radius), number in zip(self.links, self.numbers, strict=True)
             if number > 1
         )
@@ -240,7 +240,7 @@ class _CycleJudge:
         """Distances of the arm."""
         for solid in (Solid.of(o) for o in scene.obstacle):
             for (ends, radius), number in zip(self.links, self.numbers, strict=True):
-                away = solid.distance(*ends[:, rows][:, ::EVERY]).min() - radius - self.arm.cover
+                away = solid.distance(*ends[:, rows][:, ::EVERY]).min() - radius
                 if number > 1 and away < solid.clearance - NEAR:
                     yield f"link {number}, {solid.name}: {away:.4f}"
 

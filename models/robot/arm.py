@@ -173,12 +173,6 @@ class Arm:
     joint_names: tuple[str, ...] = described(
         "the joints' names in ROS; left out: NAME_joint1 and so on", ()
     )
-    cover: float = described(
-        "m, largest distance of the links' meshes outside `capsules`; added to the clearance of "
-        "obstacles and floor, not between links",
-        0.0,
-        least=0,
-    )
     hand: str | None = described(
         "name of the hand that [tool], [[links]] and [[capsules]] include: a scene's "
         "[gripper] file is refused; left out: there is none, or a gripper may take its place",

@@ -12,6 +12,7 @@ from .bodies import (
     contacts,
     hand_pairs,
     overlap,
+    shape_overlaps,
 )
 from .in_space import WAITS, SpatialScene
 from .outlines import (

@@ -10,8 +10,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from ...core import BodiesC, SolidC, library
-from ...models import Array, sticking_state
-from ...models.robot import ArmCapsules, Solid, segment_distance
+from ...models import Array, read_only, sticking_state
+from ...models.robot import Arm, ArmCapsules, Solid, SpatialArm, segment_distance
 from ...problems import InputError, Scene, ThrownObject, ThrowPlane
 from ..throw import Manipulator, Throw
 from .outlines import bar_ends, held_bar
@@ -23,6 +23,8 @@ LANDING = 0.05
 MIDDLE = 0.35
 #: Name of the bar, among those of links.
 BAR = "bar"
+#: Random states of an arm at which the overlap of its capsules is measured.
+STATES = 200
 #: Number of values of a contact in the compiled core.
 CONTACT = 5
 
@@ -71,19 +73,13 @@ class Clearance:
 @dataclass(frozen=True)
 class SweptBodies:
     """Moving bodies: names (C,), ends (C, 2, 3, N) [m] in the throw's plane, radius (C,) [m],
-    thickness of their covers (C,) [m], times (N,) [s]."""
+    times (N,) [s]."""
 
     names: tuple[str, ...]
     ends: Array
     radius: Array
-    cover: Array
     times: Array
     flying: bool = False
-
-    @property
-    def reach(self) -> Array:
-        """Radii (C,) [m] including the covers, for distances to obstacles."""
-        return self.radius + self.cover
 
     @property
     def core(self) -> tuple[int, int, bool]:
@@ -126,7 +122,7 @@ class CollisionScene:
         [m]: see `_pairs_of`. flying: those of the bar in flight too, see `hand_pairs`."""
         if self.arm is None:
             return []
-        found = [(i, j, 0.0) for i, j in _pairs_of(self.arm, len(bar_radii(self.scene.object)))]
+        found = _pairs_of(self.arm, len(bar_radii(self.scene.object)))
         return found + (hand_pairs(self.scene, self.arm) if flying else [])
 
     def core(self, hand_error: float = 0.0) -> BodiesC:
@@ -154,20 +150,18 @@ class CollisionScene:
     ) -> SweptBodies:
         """The arm's capsules and the object's with these ends (C, 2, 3, N) at times (N,) [s]."""
         names, ends = list[str](), [np.zeros((0, 2, 3, times.size))]
-        radius, cover = list[float](), list[float]()
+        radius = list[float]()
         if self.arm is not None and links is not None:
             names += self.arm.names
             ends.append(links)
             radius += self.arm.radius.tolist()
-            cover += [self.arm.arm.arm.cover] * len(names)
         if held is not None:
             radii = bar_radii(self.scene.object)
             names += [BAR] * len(radii)
             ends.append(held)
             radius += radii
-            cover += [0.0] * len(radii)
         placed = np.concatenate(ends)
-        return SweptBodies(tuple(names), placed, np.array(radius), np.array(cover), times, flying)
+        return SweptBodies(tuple(names), placed, np.array(radius), times, flying)
 
     def clearances(self, track: SweptBodies) -> list[Clearance]:
         """Pairs of bodies that are too near: one with an obstacle, two links, or bar and link."""
@@ -209,7 +203,7 @@ class CollisionScene:
     def obstacle_around(self, ends: Array, radius: float) -> KeepOut | None:
         """The first obstacle that contains part of a capsule of ends (2, 3) and radius [m]."""
         bar = bar_radii(self.scene.object)[0]
-        still = SweptBodies((BAR,), ends[None, ..., None], np.full(1, bar), *np.zeros((2, 1)))
+        still = SweptBodies((BAR,), ends[None, ..., None], np.full(1, bar), np.zeros(1))
         for thing in self.things:
             alone = CollisionScene(self.scene, (replace(thing, clearance=radius - bar),), None)
             if alone.min_clearance(still)[0] < -1e-6:
@@ -233,21 +227,51 @@ def bar_radii(bar: ThrownObject) -> list[float]:
     return [part.radius for part in bar.outline] or [bar.width / math.sqrt(2)]
 
 
-def _pairs_of(capsules: ArmCapsules, parts: int) -> list[tuple[int, int]]:
-    """Pairs of bodies, as indices in a track, that move relative to each other and do not adjoin.
-
-    Links whose numbers differ by at most 2 adjoin, but none adjoins a body beside the arm. The
-    object's parts are last.
+def _pairs_of(capsules: ArmCapsules, parts: int) -> list[tuple[int, int, float]]:
+    """Pairs of bodies, as indices in a track, that move relative to each other and do not adjoin,
+    and the clearance [m] between them, below 0 for an overlap that is allowed: see
+    `shape_overlaps`. The object's parts are last.
     """
-    count, moved, number = len(capsules.number), capsules.moved_by, capsules.number
-    beside = [capsule.beside for capsule in capsules.arm.arm.capsules]
+    count, moved = len(capsules.number), capsules.moved_by
+    allowed = shape_overlaps(capsules.arm.arm)
     found = [
-        (i, j)
+        (i, j, -float(allowed[i, j]))
         for i, j in itertools.combinations(range(count), 2)
-        if moved[i] != moved[j] and (abs(number[i] - number[j]) > 2 or beside[i] or beside[j])
+        if moved[i] != moved[j] and np.isfinite(allowed[i, j])
     ]
     apart = [i for i in range(count) if moved[i] != capsules.hand_moved_by]
-    return found + [(i, count + part) for part in range(parts) for i in apart]
+    return found + [(i, count + part, 0.0) for part in range(parts) for i in apart]
+
+
+@lru_cache(maxsize=8)
+def shape_overlaps(arm: Arm) -> Array:
+    """Overlap [m] that capsules of two links may have, (C, C); infinite where links adjoin.
+
+    A capsule is rounder than the link in it, so that those of a compact wrist, or of a torso and an
+    upper arm, may overlap where the links do not meet. Two capsules may overlap as deeply as they
+    do at half of the arm's states. Links adjoin that a joint joins, and links two joints apart
+    whose capsules overlap at half of the states or in the arm's posture. No link adjoins a body
+    beside the arm.
+    """
+    low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
+    states = np.random.default_rng(0).uniform(low, high, (STATES, arm.joints))
+    states = np.vstack([np.clip(arm.posture, low, high), states])
+    frames, count = SpatialArm(arm).frames(states), len(arm.capsules)
+    ends = [
+        [frames[c.link][:, :3, :3] @ end + frames[c.link][:, :3, 3] for end in (c.begin, c.end)]
+        for c in arm.capsules
+    ]
+    allowed = np.full((count, count), np.inf)
+    for i, j in itertools.combinations(range(count), 2):
+        one, other = arm.capsules[i], arm.capsules[j]
+        joints, beside = abs(one.link - other.link), one.beside or other.beside
+        if joints < 2 and not beside:
+            continue
+        depth = one.radius + other.radius - segment_distance(*ends[i], *ends[j])
+        usual = max(float(np.median(depth[1:])), 0.0)
+        if beside or joints > 2 or max(usual, depth[0]) <= 0.0:
+            allowed[i, j] = allowed[j, i] = usual
+    return read_only(allowed)
 
 
 def _grip(scene: Scene) -> tuple[float, float, float | None]:
@@ -300,11 +324,11 @@ def _shape(
     links, parts = 0 if capsules is None else len(capsules.number), bar_radii(bar)
     moved_by, moves = np.zeros(links, np.int64), np.ones(links + len(parts), np.int64)
     places, pairs, always = np.zeros((links, 2, 3)), list[tuple[int, int, float]](), 0
-    radius, cover = np.array([0.0] * links + parts), np.zeros(links + len(parts))
+    radius = np.array([0.0] * links + parts)
     if capsules is not None:
         moved_by[:], moves[:links], places[:] = capsules.moved_by, capsules.moves, capsules.places
-        radius[:links], cover[:links] = capsules.radius, capsules.arm.arm.cover
-        pairs = [(i, j, 0.0) for i, j in _pairs_of(capsules, len(parts))]
+        radius[:links] = capsules.radius
+        pairs = _pairs_of(capsules, len(parts))
         always = len(pairs)
         pairs += _hand_pairs(capsules, bar, offset, angle, clearance)
     found = BodiesC(links=links, bar=len(parts), pairs=len(pairs), always=always, landing=LANDING)
@@ -313,7 +337,7 @@ def _shape(
     meet = np.array([pair[:2] for pair in pairs], np.int64).reshape(-1, 2)
     apart = np.array([pair[2] for pair in pairs])
     body = {"moved_by": moved_by, "moves": moves, "meet": meet, "apart": apart, "places": places}
-    found.attach(**body, radius=radius, reach=radius + cover)
+    found.attach(**body, radius=radius)
     if bar.outline:
         found.attach(outline=bar.capsules)
     return found

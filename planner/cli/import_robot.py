@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import itertools
 import math
 import shlex
 from collections.abc import Collection, Mapping
@@ -34,6 +35,7 @@ from ...problems.urdf import (
     urdf_file,
     weak_joints,
 )
+from ..clearance import shape_overlaps
 from ..planner import Planner
 from .common import DONE, Add, Progress, number, print_result, toml_out
 
@@ -123,7 +125,7 @@ def run(options: argparse.Namespace) -> int:
         "states": STATES,
         "difference": robot_import.difference,
         "capsules": len(arm.capsules),
-        "cover": arm.cover,
+        "overlaps": _overlaps(arm),
         "unread": list(shapes.unread),
         "tried": shapes.tried,
         "not_z_up": list(shapes.not_z_up),
@@ -178,7 +180,7 @@ def _import(options: argparse.Namespace, robot: Any) -> _Import:
     options.joints = list(chain.names)
     arm = arm_of(chain, limits_of(chain, _given_limits(options)), _choices(options, chain))
     shapes = link_shapes(chain, urdf_file(Path(options.urdf)), chain.length + options.tcp)
-    arm = dataclasses.replace(arm, capsules=shapes.capsules, cover=shapes.cover)
+    arm = dataclasses.replace(arm, capsules=shapes.capsules)
     arm = _with_recommendations(arm, options)
     arm = arm_from(toml_tables(arm_text(arm), options.out))
     _check_takes(options, arm)
@@ -358,6 +360,32 @@ def _facts(options: argparse.Namespace, arm: Arm, chain: UrdfChain) -> dict[str,
     }
 
 
+def _overlaps(arm: Arm) -> list[dict[str, Any]]:
+    """Links, and how deep [m] their capsules may overlap, deepest first; the base is link 0."""
+    allowed, depths = shape_overlaps(arm), dict[str, float]()
+    for (i, one), (j, other) in itertools.combinations(enumerate(arm.capsules), 2):
+        if 1e-3 <= allowed[i, j] < math.inf:
+            links = f"{one.link}-{other.link}"
+            depths[links] = max(depths.get(links, 0.0), float(allowed[i, j]))
+    pairs = sorted(depths.items(), key=lambda pair: -pair[1])
+    return [{"links": links, "depth": depth} for links, depth in pairs]
+
+
+def _shapes(result: dict[str, Any]) -> list[str]:
+    """Lines on the capsules."""
+    if not result["capsules"]:
+        words = "no shapes of links in the URDF: collisions of the arm are not checked"
+        return [f"{words} (no [[capsules]])"]
+    lines = [f"shapes: {result['capsules']} capsules that contain the links' meshes"]
+    if result["overlaps"]:
+        pairs = (f"{one['links']} {1e3 * one['depth']:.0f} mm" for one in result["overlaps"])
+        lines.append(
+            "links whose capsules overlap in half of all postures (0: base), and how deep; only "
+            f"deeper overlaps are contacts: {', '.join(pairs)}"
+        )
+    return lines
+
+
 def _held(chain: UrdfChain) -> str:
     """Where the joints are that the throw does not move, as text: those at 0 last."""
     joints = chain.robot.joint_map
@@ -429,18 +457,11 @@ def _text(options: argparse.Namespace, result: dict[str, Any], held: str) -> str
         )
     if options.palm is None:
         lines.append("no --palm: the flying bar is kept clear of the hand's capsules only")
-    if result["capsules"]:
-        lines.append(
-            f"shapes: {result['capsules']} capsules; the links' meshes extend at most "
-            f"{1e3 * result['cover']:.3g} mm beyond them (cover)"
-        )
-    else:
-        words = "no shapes of links in the URDF: collisions of the arm are not checked"
-        lines.append(f"{words} (no [[capsules]])")
+    lines += _shapes(result)
     if result["unread"]:
         links = ", ".join(result["unread"])
         links += f" (tried {result['tried']})" if result["tried"] else ""
-        lines.append(f"meshes not read: {links}: these links have no shape, cover not measured")
+        lines.append(f"meshes not read: {links}: these links have no shape")
     if result["not_z_up"]:
         lines.append(
             "COLLADA meshes whose up axis is not z, taken as they stand, as in RViz and MoveIt: "

@@ -154,7 +154,7 @@ def _extent(space: SpatialScene, q: Array) -> Array:
     parts = len(bar_radii(space.scene.object))
     capsules = space.kinematics.arm.capsules
     moving = np.array([capsule.link > 0 for capsule in capsules] + [True] * parts)
-    ends, around = bodies.ends[moving], bodies.reach[moving, None, None, None]
+    ends, around = bodies.ends[moving], bodies.radius[moving, None, None, None]
     low, high = ends - around, ends + around
     return np.array([low.min(axis=(0, 1, 3)), high.max(axis=(0, 1, 3))])
 

@@ -203,7 +203,7 @@ def approach_findings(space: SpatialScene, samples: Samples, joints: Array) -> t
     placed = np.moveaxis(space.held_ends(space.spatial.pads(q, 0 * q, 0 * q)), -1, 2)
     bodies = space.bodies(rows, times)
     for capsule, name, ends, radius in zip(
-        space.kinematics.arm.capsules, bodies.names, bodies.ends, bodies.reach, strict=True
+        space.kinematics.arm.capsules, bodies.names, bodies.ends, bodies.radius, strict=True
     ):
         if 0 < capsule.link < space.kinematics.arm.joints:
             for part, size in zip(placed, bar_radii(space.scene.object), strict=True):

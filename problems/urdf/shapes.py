@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import os
 import re
@@ -21,23 +20,22 @@ from .reading import BEYOND
 
 #: Decimals of the capsules' lengths [m], 1 mm.
 DIGITS = 3
-#: Largest distance of a shape from its link's frame, and of a mesh outside its capsules, as shares
-#: of the arm's reach. Beyond these, units or places of meshes are wrong.
-EXTENT, MISS = 1.5, 0.1
+#: Largest distance of a shape from its link's frame, as a share of the arm's reach. Beyond it, its
+#: unit or place is wrong.
+EXTENT = 1.5
 #: Distance [m] that is allowed for links that stand still, too: a short arm may hang on a mast.
 MAST = 2.0
 
 
 @dataclass(frozen=True)
 class LinkShapes:
-    """Capsules of a robot's links, and the largest distance [m] of the links' meshes outside them.
+    """Capsules of a robot's links.
 
     unread: the URDF's links whose meshes could not be read; tried: a file that was not found.
     not_z_up: links with a COLLADA mesh whose up axis is another than z.
     """
 
     capsules: tuple[LinkCapsule, ...]
-    cover: float
     unread: tuple[str, ...]
     tried: str = ""
     not_z_up: tuple[str, ...] = ()
@@ -46,12 +44,11 @@ class LinkShapes:
 def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
     """A capsule of about the least volume around the meshes of each URDF link.
 
-    A link inside the capsules of other links of its joint has no capsule. Those of bodies beside
-    the arm include the cover, as distances between links do not. reach [m]: of the arm; InputError
-    for shapes that do not fit it, see `EXTENT`.
+    A link inside a capsule of another link of its joint has none of its own. reach [m]: of the arm;
+    InputError for shapes that do not fit it, see `EXTENT`.
     """
     meshes, unread = link_meshes(chain, file, reach)
-    capsules_found, clouds = list[LinkCapsule](), list[tuple[int, str, Array]]()
+    capsules_found = list[LinkCapsule]()
     aside = chain.beside
     for number in sorted(meshes):
         own = {name: np.vstack([mesh.vertices for mesh in m]) for name, m in meshes[number].items()}
@@ -59,26 +56,7 @@ def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
             of_body = [c for c in capsules_found if (c.link, c.beside) == (number, name in aside)]
             if _outside(own[name], of_body) > 0.0:
                 capsules_found.append(replace(_around(number, own[name]), beside=name in aside))
-        clouds += [(number, name, points) for name, points in own.items()]
-    capsules_found, less = _overlap(chain, capsules_found)
-    capsules_found = [
-        c if c.beside else replace(c, radius=max(round(c.radius - less, DIGITS), 1e-3))
-        for c in capsules_found
-    ]
-    cover = 0.0
-    for number, name, points in clouds:
-        outside = _outside(points, [c for c in capsules_found if c.link == number])
-        if outside > MISS * reach:
-            raise InputError(
-                f"link '{name}': its shape sticks {outside:.3g} m out of the capsules for it, "
-                f"more than {MISS:.0%} of the arm's reach, {reach:.3g} m: split it into links, or "
-                "give it a smaller <collision>"
-            )
-        cover = max(cover, math.ceil(1e3 * outside) / 1e3)
-    capsules_found = [
-        replace(c, radius=round(c.radius + cover, DIGITS)) if c.beside else c
-        for c in capsules_found
-    ]
+    capsules_found = _join_base(chain, capsules_found)
     tried = next(filter(None, unread.values()), "")
     turned = tuple(
         name
@@ -86,7 +64,7 @@ def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
         for name, parts in own.items()
         if any(part.metadata.get("up_axis", "Z") != "Z" for part in parts)
     )
-    return LinkShapes(tuple(capsules_found), cover, tuple(unread), tried, turned)
+    return LinkShapes(tuple(capsules_found), tuple(unread), tried, turned)
 
 
 def link_meshes(
@@ -264,30 +242,21 @@ def _outside(points: Array, capsules: Sequence[LinkCapsule]) -> float:
     return max(min(excess, default=math.inf), 0.0)
 
 
-def _overlap(chain: UrdfChain, capsules: Sequence[LinkCapsule]) -> tuple[list[LinkCapsule], float]:
-    """The capsules, and the reduction [m] of radii at which links that do not adjoin are apart in
-    most postures.
-
-    Capsules around a compact wrist and hand may overlap although their meshes do not. A body beside
-    the arm that a link meets in most postures adjoins it: it counts to the base.
-    """
+def _join_base(chain: UrdfChain, capsules: Sequence[LinkCapsule]) -> list[LinkCapsule]:
+    """The capsules, of which a body beside the arm that a link meets in most postures counts to the
+    base: its own parts hold the arm."""
     states = np.random.default_rng(0).uniform(-math.pi, math.pi, (60, len(chain.names)))
     placed = np.array([_ends(chain, capsules, state) for state in states])
 
-    def depth(i: int, j: int) -> float:
+    def meets(i: int, j: int) -> bool:
         apart = segment_distance(*placed[:, i].swapaxes(0, 1), *placed[:, j].swapaxes(0, 1))
-        return (capsules[i].radius + capsules[j].radius - float(np.median(apart))) / 2
+        return float(np.median(apart)) < capsules[i].radius + capsules[j].radius
 
     moving = [i for i, capsule in enumerate(capsules) if capsule.link > 0]
-    found = [
-        replace(c, beside=c.beside and not any(depth(i, j) > 0 for j in moving))
+    return [
+        replace(c, beside=c.beside and not any(meets(i, j) for j in moving))
         for i, c in enumerate(capsules)
     ]
-    largest = 0.0
-    for i, j in itertools.combinations(range(len(found)), 2):
-        if found[j].link - found[i].link > 2 and not found[i].beside:
-            largest = max(largest, depth(i, j))
-    return found, float(math.ceil(largest * 10**DIGITS) / 10**DIGITS)
 
 
 def _ends(chain: UrdfChain, capsules: Sequence[LinkCapsule], state: Array) -> list[Array]:

@@ -52,20 +52,32 @@ def test_a_throw_clears_the_arm_as_the_check_says(pose, free) -> None:
     q[:, :50] = throw.path.at(np.linspace(0.0, throw.opening_time, 50)).pose
     bar = held_bar(pose, manipulator.motion(q, 0 * q, 0 * q)[0])
     capsules = manipulator.capsules
-    # Neighbours meet at their joint; the bar comes last, and is held by the last link, the hand.
+    # Neighbours meet at their joint, capsules of links 5 and 7 in the arm's posture. The bar comes
+    # last, and is held by the last link, the hand.
     moved_by, number = (*capsules.moved_by, capsules.moved_by[-1]), (*capsules.number, math.inf)
     for where in (None, bar):
         found = overlap(pose, manipulator, q, where)
         track = CollisionScene(pose, (), capsules).bodies_at(np.zeros(300), q, where)
         expected = np.full(300, -np.inf)
         for i, j in itertools.combinations(range(len(track.names)), 2):
-            if moved_by[i] == moved_by[j] or abs(number[i] - number[j]) <= 2:
+            links = number[i], number[j]
+            if moved_by[i] == moved_by[j] or abs(links[0] - links[1]) <= 1 or links == (5, 7):
                 continue
             ends = (end.T for body in (i, j) for end in track.ends[body])
             lack = track.radius[i] + track.radius[j] - shapes.between_segments(*ends)
             expected = np.maximum(expected, lack)
         assert found == pytest.approx(expected, abs=1e-9)
         assert (found[:50] <= 0.0).all() and (found > 0.01).sum() > 10
+
+
+def test_a_link_meets_the_one_two_joints_before_it() -> None:
+    """The forearm of a UR5e, folded onto its shoulder."""
+    scene = tp.load_scene("ur5e")
+    two = tuple(capsule for capsule in scene.arm.capsules if capsule.link in (1, 3))
+    scene = scene.replace(arm=dataclasses.replace(scene.arm, capsules=two))
+    q = np.radians([[-90.0, -90.0], [0.0, 170.0], [0.0, 0.0]])
+    apart, folded = overlap(scene, make_manipulator(scene), q)
+    assert apart < -0.1 and folded > 0.02
 
 
 def test_links_next_to_the_base_keep_off_bodies_beside_the_arm(pose, free) -> None:
@@ -102,17 +114,21 @@ def test_an_obstacle_stands_in_the_base_frame(free, pose):
 
 
 def lowest_of_links(plan: tp.Plan) -> float:
-    """Least height [m] of the links' covers from rest to rest, by the oracle's chain."""
+    """Least height [m] of the links from rest to rest, by the oracle's chain."""
     oracle, arm = oracle_of(plan), plan.scene.arm
     ends = oracle.arm.capsules(oracle.ticks)[..., 2].min(axis=(1, 2))
-    return float(min(ends - [capsule.radius for capsule in arm.capsules])) - arm.cover
+    return float(min(ends - [capsule.radius for capsule in arm.capsules]))
 
 
 @pytest.mark.slow
 def test_no_link_is_below_the_floor_from_rest_to_rest(pose) -> None:
-    """A floor that all joints, hand and bar are above, but a link's cover is not."""
-    links = tuple(capsule for capsule in pose.arm.capsules if capsule.link > 2)
-    padded = varied(pose, arm={"capsules": links, "cover": 0.05})
+    """A floor that all joints, hand and bar are above, but a thick link is not."""
+    links = tuple(
+        dataclasses.replace(capsule, radius=capsule.radius + 0.05)
+        for capsule in pose.arm.capsules
+        if capsule.link > 2
+    )
+    padded = varied(pose, arm={"capsules": links})
     first = tp.Planner(padded).plan(TARGET)
     final, floor = first.throw.deciding, lowest_of_links(first) + 0.02
     assert floor < min(final.measured.arm.value, final.measured.held.value) - 0.1

@@ -88,10 +88,7 @@ def test_capsules_contain_the_published_meshes(name):
     arm = load_arm(name)
     for link, points in link_points(name).items():
         capsules = [c for c in arm.capsules if c.link == link]
-        away = [
-            to_segment(points, *map(np.array, (c.begin, c.end))) - c.radius - arm.cover
-            for c in capsules
-        ]
+        away = [to_segment(points, *map(np.array, (c.begin, c.end))) - c.radius for c in capsules]
         assert np.min(away, axis=0).max() < 1e-6, f"link {link}"
 
 

@@ -282,7 +282,7 @@ def _planes_of(
     nearest_end = np.minimum(normals @ ends[0], normals @ ends[1]).T
     extents: list[Array] = []
     for solid, clearance in solids:
-        extent = solid.support(normals) + clearance + track.reach[body]
+        extent = solid.support(normals) + clearance + track.radius[body]
         extents.append(np.broadcast_to(extent, nearest_end.shape))
     for link, clearance in links:
         extent = np.maximum(*(normals @ end for end in track.ends[link])).T
