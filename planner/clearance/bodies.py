@@ -23,8 +23,9 @@ LANDING = 0.05
 MIDDLE = 0.35
 #: Name of the bar, among those of links.
 BAR = "bar"
-#: Random states of an arm at which the overlap of its capsules is measured.
-STATES = 200
+#: Random states of an arm at which the overlap of its capsules is measured, and in what share of them
+#: it is at most what is allowed.
+STATES, USUAL = 200, 0.9
 #: Number of values of a contact in the compiled core.
 CONTACT = 5
 
@@ -248,14 +249,17 @@ def shape_overlaps(arm: Arm) -> Array:
     """Overlap [m] that capsules of two links may have, (C, C); infinite where links adjoin.
 
     A capsule is rounder than the link in it, so that those of a compact wrist, or of a torso and an
-    upper arm, may overlap where the links do not meet. Two capsules may overlap as deeply as they
-    do at half of the arm's states. Links adjoin that a joint joins, and links two joints apart
-    whose capsules overlap at half of the states or in the arm's posture. No link adjoins a body
-    beside the arm.
+    upper arm, may overlap where the links do not meet. Two capsules that overlap in half of the
+    states of all joints, or of those that throw, or in the arm's posture, may overlap as deeply as
+    they do in the share `USUAL` of these. Links adjoin that a joint joins, and links two joints
+    apart whose capsules overlap like this. No link adjoins a body beside the arm.
     """
     low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
-    states = np.random.default_rng(0).uniform(low, high, (STATES, arm.joints))
-    states = np.vstack([np.clip(arm.posture, low, high), states])
+    every = np.random.default_rng(0).uniform(low, high, (STATES, arm.joints))
+    posture, throwing = np.clip(arm.posture, low, high), np.array(arm.throwing_joints) - 1
+    in_plane = np.tile(posture, (STATES, 1))
+    in_plane[:, throwing] = every[:, throwing]
+    states = np.vstack([every, in_plane, posture])
     frames, count = SpatialArm(arm).frames(states), len(arm.capsules)
     ends = [
         [frames[c.link][:, :3, :3] @ end + frames[c.link][:, :3, 3] for end in (c.begin, c.end)]
@@ -265,12 +269,13 @@ def shape_overlaps(arm: Arm) -> Array:
     for i, j in itertools.combinations(range(count), 2):
         one, other = arm.capsules[i], arm.capsules[j]
         joints, beside = abs(one.link - other.link), one.beside or other.beside
-        if joints < 2 and not beside:
+        if one.link == other.link or (joints < 2 and not beside):
             continue
         depth = one.radius + other.radius - segment_distance(*ends[i], *ends[j])
-        usual = max(float(np.median(depth[1:])), 0.0)
-        if beside or joints > 2 or max(usual, depth[0]) <= 0.0:
-            allowed[i, j] = allowed[j, i] = usual
+        groups = (depth[:STATES], depth[STATES:-1], depth[-1:])[: 1 if beside else 3]
+        usual = [float(np.quantile(group, USUAL)) for group in groups if np.median(group) > 0.0]
+        if beside or joints > 2 or not usual:
+            allowed[i, j] = allowed[j, i] = max(usual, default=0.0)
     return read_only(allowed)
 
 

@@ -380,7 +380,7 @@ def _shapes(result: dict[str, Any]) -> list[str]:
     if result["overlaps"]:
         pairs = (f"{one['links']} {1e3 * one['depth']:.0f} mm" for one in result["overlaps"])
         lines.append(
-            "links whose capsules overlap in half of all postures (0: base), and how deep; only "
+            "links whose capsules overlap in most postures (0: base), and how deep they may; only "
             f"deeper overlaps are contacts: {', '.join(pairs)}"
         )
     return lines

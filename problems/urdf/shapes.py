@@ -23,6 +23,9 @@ DIGITS = 3
 #: Largest distance of a shape from its link's frame, as a share of the arm's reach. Beyond it, its
 #: unit or place is wrong.
 EXTENT = 1.5
+#: A still link is halved at most this often, where its capsule's radius is above this share of the
+#: arm's reach and those of the halves have less than this share of its volume.
+HALVINGS, THICK, SMALLER = 3, 0.1, 0.8
 #: Distance [m] that is allowed for links that stand still, too: a short arm may hang on a mast.
 MAST = 2.0
 
@@ -42,7 +45,8 @@ class LinkShapes:
 
 
 def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
-    """A capsule of about the least volume around the meshes of each URDF link.
+    """A capsule of about the least volume around the meshes of each URDF link that moves, several
+    around one that stands still, such as a torso or a stand.
 
     A link inside a capsule of another link of its joint has none of its own. reach [m]: of the arm;
     InputError for shapes that do not fit it, see `EXTENT`.
@@ -55,7 +59,11 @@ def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
         for name in sorted(own, key=lambda name: -float(np.ptp(own[name], axis=0).max())):
             of_body = [c for c in capsules_found if (c.link, c.beside) == (number, name in aside)]
             if _outside(own[name], of_body) > 0.0:
-                capsules_found.append(replace(_around(number, own[name]), beside=name in aside))
+                if number:
+                    capsules_found.append(_around(number, own[name]))
+                else:
+                    parts = _around_halves(meshes[number][name], THICK * reach, HALVINGS)
+                    capsules_found += [replace(part, beside=name in aside) for part in parts]
     capsules_found = _join_base(chain, capsules_found)
     tried = next(filter(None, unread.values()), "")
     turned = tuple(
@@ -207,6 +215,30 @@ def _around(number: int, points: Array) -> LinkCapsule:
             best, least = x, cost
     begin, end, radius = best[:3].tolist(), best[3:6].tolist(), float(best[6])
     return LinkCapsule(number, (begin[0], begin[1], begin[2]), (end[0], end[1], end[2]), radius)
+
+
+def _around_halves(meshes: Sequence[Any], thick: float, times: int) -> list[LinkCapsule]:
+    """Capsules around meshes of a link that stands still: one, or, if its radius is above `thick`
+    [m], those of halves cut `times` times across their longest side, where these are smaller."""
+    import trimesh
+
+    mesh: Any = trimesh.util.concatenate(list(meshes))
+    one = _around(0, mesh.vertices)
+    if not times or one.radius < thick:
+        return [one]
+    across = np.eye(3)[int(np.ptp(mesh.vertices, axis=0).argmax())]
+    middle = mesh.bounds.mean(axis=0)
+    halves = [mesh.slice_plane(middle, sign * across) for sign in (1, -1)]
+    if not all(len(half.vertices) for half in halves):
+        return [one]
+    parts = [part for half in halves for part in _around_halves([half], thick, times - 1)]
+    return parts if sum(map(_volume, parts)) < SMALLER * _volume(one) else [one]
+
+
+def _volume(capsule: LinkCapsule) -> float:
+    """Its volume [m³]."""
+    length = math.dist(capsule.begin, capsule.end)
+    return math.pi * capsule.radius**2 * (length + 4 / 3 * capsule.radius)
 
 
 def _cost(x: Array, points: Array, penalty: float) -> tuple[float, Array]:
