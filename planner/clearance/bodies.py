@@ -23,8 +23,8 @@ LANDING = 0.05
 MIDDLE = 0.35
 #: Name of the bar, among those of links.
 BAR = "bar"
-#: Random states of an arm at which the overlap of its capsules is measured, and in what share of them
-#: it is at most what is allowed.
+#: Random states of an arm at which the overlap of its capsules is measured, and the share of them
+#: in which it is at most what is allowed.
 STATES, USUAL = 200, 0.9
 #: Number of values of a contact in the compiled core.
 CONTACT = 5
@@ -250,9 +250,9 @@ def shape_overlaps(arm: Arm) -> Array:
 
     A capsule is rounder than the link in it, so that those of a compact wrist, or of a torso and an
     upper arm, may overlap where the links do not meet. Two capsules that overlap in half of the
-    states of all joints, or of those that throw, or in the arm's posture, may overlap as deeply as
-    they do in the share `USUAL` of these. Links adjoin that a joint joins, and links two joints
-    apart whose capsules overlap like this. No link adjoins a body beside the arm.
+    states of all joints, or of those that throw, may overlap as deeply as they do in the share
+    `USUAL` of these. Links adjoin that a joint joins, and links two joints apart whose capsules
+    overlap like this or in the arm's posture. No link adjoins a body beside the arm.
     """
     low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
     every = np.random.default_rng(0).uniform(low, high, (STATES, arm.joints))
@@ -272,9 +272,9 @@ def shape_overlaps(arm: Arm) -> Array:
         if one.link == other.link or (joints < 2 and not beside):
             continue
         depth = one.radius + other.radius - segment_distance(*ends[i], *ends[j])
-        groups = (depth[:STATES], depth[STATES:-1], depth[-1:])[: 1 if beside else 3]
+        groups = (depth[:STATES], depth[STATES:-1])[: 1 if beside else 2]
         usual = [float(np.quantile(group, USUAL)) for group in groups if np.median(group) > 0.0]
-        if beside or joints > 2 or not usual:
+        if beside or joints > 2 or not (usual or depth[-1] > 0.0):
             allowed[i, j] = allowed[j, i] = max(usual, default=0.0)
     return read_only(allowed)
 
