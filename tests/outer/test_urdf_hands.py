@@ -14,7 +14,7 @@ import throwplan as tp
 import trimesh
 import yourdfpy
 from imports import imported
-from throwplan.models.robot import SpatialArm
+from throwplan.models.robot import Arm, SpatialArm
 from throwplan.planner.clearance import shape_overlaps
 from throwplan.problems.arms import load_arm, load_gripper
 
@@ -242,17 +242,24 @@ def test_a_mesh_larger_than_the_arm_is_refused_with_its_size(tmp_path, refused, 
     assert f"link 'forearm': its shape reaches {far:.3g} m" in line and "reach, 1.15 m" in line
 
 
-def test_a_body_that_links_seem_to_meet_leaves_the_other_capsules_as_they_are(tmp_path) -> None:
-    """A wide plate on the base, around which a capsule reaches the forearm in most postures."""
-    urdf, found = handy(tmp_path), list[tuple]()
+def test_links_that_seem_to_meet_leave_the_other_capsules_as_they_are(tmp_path) -> None:
+    """A plate on the base is halved; those on two links, in one capsule each, overlap mostly."""
+    urdf, arms = handy(tmp_path), dict[str, Arm]()
     bare = urdf.read_text()
-    plate = '<collision><geometry><box size="1.8 1.8 0.02"/></geometry></collision>'
-    for text in (bare, bare.replace('<link name="base">', f'<link name="base">{plate}')):
+    plate = '<collision><geometry><box size="0.8 0.8 0.02"/></geometry></collision>'
+    for names in ("", "base", "column forearm_end"):
+        text = bare
+        for name in names.split():
+            text = text.replace(f'<link name="{name}">', f'<link name="{name}">{plate}')
         urdf.write_text(text)
-        found.append(imported(tmp_path, urdf, JOINTS, "--tool", "mount", *OPTIONS))
-    without, arm = found
-    assert [c for c in arm.capsules if c.link] == [c for c in without.capsules if c.link]
-    allowed = shape_overlaps(arm)
-    links = [c.link for c in arm.capsules]
-    pairs = {(links[i], links[j]): d for (i, j), d in np.ndenumerate(allowed) if i < j}
-    assert 0.0 < pairs[0, 4] < np.inf, pairs
+        arms[names] = imported(tmp_path, urdf, JOINTS, "--tool", "mount", *OPTIONS)
+    without, stands, thick = arms.values()
+    assert [c for c in stands.capsules if c.link] == [c for c in without.capsules if c.link]
+    radii = [c.radius for c in stands.capsules if not c.link]
+    assert len(radii) > 4 and max(radii) < 0.2
+    links, depth = [c.link for c in thick.capsules], shape_overlaps(thick)
+    assert [c for c in thick.capsules if c.link == 5] == [
+        c for c in without.capsules if c.link == 5
+    ]
+    assert 0.1 < depth[links.index(1), links.index(4)] < 1.0
+    assert depth[links.index(1), links.index(5)] == 0.0
