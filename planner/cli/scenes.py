@@ -13,6 +13,7 @@ from ...models.release import BATCH_MODELS, MODELS
 from ...problems import InputError, Robust, Scene
 from ...problems.files import copy_out, filling, write_json
 from ...problems.job_files import jobs_names, jobs_text
+from ...problems.keys import scene_keys
 from ...problems.scene_files import load_scene, scene_names, scene_text
 from ..planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner
 from ..reach import MAP_FILES, MOST, check_map, reach_map
@@ -43,7 +44,6 @@ from .common import (
     target_of,
     written,
 )
-from .keys import scene_keys
 
 #: Sampled throws of a drawn scene's reach.
 DRAWN = 20_000

@@ -65,7 +65,7 @@ def test_a_hand_without_a_body_is_replayed_and_drawn(tmp_path, run) -> None:
     plan = tp.plan(varied(scene, arm={"tool": tool}))
     assert plan.solved and scene.workspace.palm_clearance is not None
     plan.save(tmp_path / "out")
-    assert run("replay", tmp_path / "out", "--json").json["landing"]
+    assert run("replay", tmp_path / "out", "--json").json["objects"][0]["landing"]
     assert run("view", tmp_path / "out", "--png", tmp_path / "throw.png").status == 0
 
 

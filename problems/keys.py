@@ -11,11 +11,11 @@ import typing
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ...models.robot import Arm, DHRow, JointFrame, LinkInertia
-from ...problems.arms import TABLES, GripperCapsule, GripperData
-from ...problems.scene import SECTIONS, TOP_KEYS, Scene
-from ...problems.section import UNSET, file_key, hints_of
-from ...problems.uncertainty import SHARES, Distribution, Uncertainty
+from ..models.robot import Arm, DHRow, JointFrame, LinkInertia
+from .arms import TABLES, GripperCapsule, GripperData
+from .scene import SECTIONS, TOP_KEYS, Scene
+from .section import UNSET, file_key, hints_of
+from .uncertainty import SHARES, Distribution, Uncertainty
 
 #: Ranges that hang on the scene's other values.
 WITHIN = {
