@@ -5,4 +5,3 @@ from .connections import at_rest, joined, lifted_pose, raised_pose
 from .cycle import CYCLE_FILES, Cycle, UnsolvedError
 from .inverse_kinematics import HandPose, inverse_kinematics
 from .planning import plan_cycle
-from .slowing import slowed_transfer

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
-import operator
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,11 +13,9 @@ import numpy as np
 from ...models import Array
 from ..clearance import SpatialScene
 from ..result import Plan, joint_samples, part_thrown, sent_throw
-from ..throw import TICK, Samples, State, Throw, Transfer, joint_limits, transfer
-from ..verdict import Finding, first_finding, flight_findings, flight_gaps
-from .cycle import UnsolvedError
+from ..throw import TICK, Limits, Samples, State, Throw, Transfer, joint_limits, transfer
+from ..verdict import Code, Finding, first_finding, flight_findings, flight_gaps
 from .inverse_kinematics import joint_rates
-from .slowing import slowed_transfer
 
 #: Shares of the limits on velocity, and on acceleration and jerk, that are tried.
 SHARES = (
@@ -29,11 +25,19 @@ SHARES = (
     *((0.3, 0.05), (0.2, 0.02)),
 )
 
-#: Routes: direct, by a raised pose, after the throw's brake, by lifted poses.
-DIRECT, RAISED, BRAKED, LIFTED = (0,), (1,), (2,), (3,)
-#: Heights [m] above the pick to which the hand lifts an object over others, or comes over them; and
-#: the step in which they are reached.
-LIFTS, LIFT_STEP = (0.3, 0.15), 0.01
+#: Shares of the limits on velocity, acceleration and jerk that a broken limit reduces.
+REDUCED = {
+    Code.TOOL_SPEED: (1, 0, 0),
+    Code.JOINT_VELOCITY: (1, 0, 0),
+    Code.TORQUE: (0, 1, 1),
+    Code.TORQUE_RATE: (0, 0, 1),
+}
+#: Most motions that are judged to find one slow enough, and to quicken it again by each share.
+SLOWINGS, QUICKENINGS = 30, 3
+#: Share of a limit that a slowed motion is to use, and bounds of a slowing's factor.
+AIM, FACTORS = 0.99, (0.5, 0.97)
+#: Step [m] in which a lifted pose is reached.
+LIFT_STEP = 0.01
 
 
 def state_at(samples: Samples, k: int) -> State:
@@ -100,14 +104,13 @@ class CycleThrow:
 class Option:
     """A motion that may be taken. duration [s]: with the part of the throw that it determines;
     make: its samples (N, joints); join: sample of the throw with which they end; family, speed: of
-    motions that differ in their speed only; route: of motions that lead past the same places."""
+    motions that differ in their speed only."""
 
     duration: float
     make: Callable[[], Samples]
     join: int = 0
     family: tuple[int, ...] = ()
     speed: float = 1.0
-    route: tuple[int, ...] = ()
 
     @cached_property
     def samples(self) -> Samples:
@@ -124,86 +127,64 @@ def joined(parts: list[Samples]) -> Samples:
 class Connection:
     """The fastest allowed motion between two states; judged only when it is needed.
 
-    Which motion is allowed depends on the objects that wait at their picks meanwhile: sets of
-    picks, as of `WaitingObjects`. options: motions that are tried first; others: makes those that
-    are tried after them; hit: the picks whose objects a motion comes too near to; blocked: those
-    whose objects let none pass.
+    options: of motions, those that are tried first, then each those that are tried if all before
+    are refused; the fastest first. judge: the first broken limit of a motion; hit: the picks whose
+    objects, if they wait, it comes too near to, a set as of `WaitingObjects`.
     """
 
     def __init__(
         self,
-        options: Iterator[Option],
-        others: Callable[[], Iterator[Option]],
+        options: Iterator[Iterator[Option]],
         judge: Callable[[Option], Finding | None],
         hit: Callable[[Option], int],
-        blocked: int,
     ) -> None:
-        self._blocked = blocked
-        self._options = sorted(options, key=lambda option: option.duration)
-        self._others: Callable[[], Iterator[Option]] | None = others
-        self._judge, self._hit = judge, hit
-        #: Allowed motions, the fastest first, and the picks whose objects each would hit.
-        self._allowed = list[tuple[Option, int]]()
+        self._options = list[Option]()
+        self._others, self._judge, self._hit = options, judge, hit
+        self._allowed = self._avoids = False
+        #: Picks whose objects the allowed motion hits, and those that any one did.
+        self.hits = self.hit_by_any = 0
         #: Why the slowest motion that was judged was refused.
         self.trouble = ""
-        if not self._options:
-            self._fill()
+        self._fill()
 
     def _fill(self) -> None:
-        if self._others is not None:
-            self._options = sorted(self._others(), key=lambda option: option.duration)
-            self._others = None
+        """Take other motions where none is left."""
+        while not self._options and (others := next(self._others, None)) is not None:
+            self._options = sorted(others, key=lambda option: option.duration)
 
     @property
-    def hits(self) -> int:
-        """Picks whose objects may change the time."""
-        return functools.reduce(operator.or_, (hit for _, hit in self._allowed), self._blocked)
+    def best(self) -> Option | None:
+        """The fastest motion that is not refused."""
+        return self._options[0] if self._options else None
 
-    def best(self, waiting: int = 0) -> Option | None:
-        """The fastest motion that is not refused while the objects of these picks wait."""
-        if waiting & self._blocked:
-            return None
-        free = (option for option, hit in self._allowed if not hit & waiting)
-        found = [*itertools.islice(free, 1), *self._options[:1]]
-        return min(found, key=lambda option: option.duration, default=None)
-
-    def time(self, waiting: int = 0) -> float:
+    @property
+    def time(self) -> float:
         """Its duration [s]; infinite if all are refused."""
-        best = self.best(waiting)
-        if best is not None:
-            return best.duration
-        # Others are hardly faster than those that were tried.
-        none = self._others is None or waiting & self._blocked
-        return math.inf if none else self._allowed[-1][0].duration
+        return self._options[0].duration if self._options else math.inf
 
-    def settle(self, waiting: int = 0) -> bool:
-        """Judge, until a motion is allowed; returns whether the time stays."""
-        before = self.time(waiting)
-        while True:
-            best = self.best(waiting)
-            if best is None and self._others is not None and not waiting & self._blocked:
-                self._fill()
-            elif best is None or not self._options or best is not self._options[0]:
-                return self.time(waiting) == before
+    def settle(self) -> None:
+        """Judge, until a motion is allowed."""
+        while self._options and not self._allowed:
+            broken = self._judge(self._options[0])
+            hits = self._hit(self._options[0]) if broken is None else 0
+            self.hit_by_any |= hits
+            if broken is not None:
+                self.trouble = broken.words
+                self._refuse(self._options[0], broken)
+                self._next()
+            elif hits and self._avoids:
+                self._next()
             else:
-                self._judge_next()
+                self.hits, self._allowed = hits, True
 
-    def _judge_next(self) -> None:
-        """Judge the fastest motion that is not judged."""
-        option = self._options.pop(0)
-        broken = self._judge(option)
-        if broken is not None:
-            self.trouble = broken.words
-            self._refuse(option, broken)
-            if not self._options and not self._allowed:
-                self._fill()
-            return
-        hit = self._hit(option)
-        self._allowed.append((option, hit))
-        self._allowed.sort(key=lambda each: each[0].duration)
-        if hit and option.route:
-            # A slower motion on the same route hits the same.
-            self._options = [o for o in self._options if o.route != option.route]
+    def avoid(self) -> None:
+        """Take a motion that hits no object at any pick instead of the allowed one."""
+        self._avoids, self._allowed, self.hits = True, False, 0
+        self._next()
+
+    def _next(self) -> None:
+        self._options.pop(0)
+        self._fill()
 
     def _refuse(self, refused: Option, broken: Finding) -> None:
         """Leave out motions of the same family that are hardly slower.
@@ -213,7 +194,9 @@ class Connection:
         if refused.family and broken.value > broken.limit > 0.0:
             slow = refused.speed * math.sqrt(broken.limit / broken.value)
             self._options = [
-                o for o in self._options if o.family != refused.family or o.speed <= slow
+                o
+                for o in self._options
+                if o is refused or o.family != refused.family or o.speed <= slow
             ]
 
 
@@ -224,6 +207,52 @@ def direct(space: SpatialScene, start: State, goal: State) -> Iterator[Transfer]
         found = transfer(limits, start, goal, velocity, acceleration)
         if found is not None:
             yield found
+
+
+def slowed(space: SpatialScene, start: State, goal: State) -> Transfer | None:
+    """The fastest motion of all joints between two states, with an empty hand, that the verdict
+    allows; None if slowing helps none.
+
+    Ruckig's, with its limits reduced until torques and tool speed are kept, then raised again as
+    far as that is allowed.
+    """
+    limits = joint_limits(space.kinematics.arm, range(1, space.kinematics.arm.joints + 1))
+    assert limits.jerk is not None
+    most = limits.dq, limits.ddq, limits.jerk
+
+    def reduced(shares: Array) -> Transfer | None:
+        each = (share * limit for share, limit in zip(shares, most, strict=True))
+        return transfer(Limits(limits.q_min, limits.q_max, *each), start, goal)
+
+    shares = np.ones(3)
+    for _ in range(SLOWINGS):
+        found = reduced(shares)
+        if found is None:
+            return None
+        broken = first_finding(space, found.samples, held=False)
+        if broken is None:
+            break
+        if broken.code not in REDUCED:
+            return None
+        factor = np.clip(AIM * broken.limit / max(abs(broken.value), 1e-9), *FACTORS)
+        shares *= factor ** np.array(REDUCED[broken.code])
+    else:
+        return None
+    for number in (2, 1, 0):
+        low, high = shares[number], 1.0
+        for _ in range(QUICKENINGS if low < 1.0 else 0):
+            trial = shares.copy()
+            trial[number] = (low + high) / 2
+            other = reduced(trial)
+            if (
+                other is not None
+                and other.ticks < found.ticks
+                and first_finding(space, other.samples, held=False) is None
+            ):
+                shares, found, low = trial, other, trial[number]
+            else:
+                high = trial[number]
+    return found
 
 
 def raised_pose(space: SpatialScene, joints: Array) -> State:
@@ -238,8 +267,8 @@ def by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple[
     """Motions by a raised pose, where they stop."""
     rest = start if not start.dq.any() else goal
     middle = raised_pose(space, rest.q)
-    ways = (list(direct(space, *ends)) for ends in ((start, middle), (middle, goal)))
-    yield from itertools.product(*ways)
+    ways = (direct(space, *ends) for ends in ((start, middle), (middle, goal)))
+    yield from zip(*ways, strict=False)
 
 
 def lifted_pose(space: SpatialScene, joints: Array, height: float) -> State:
@@ -250,120 +279,66 @@ def lifted_pose(space: SpatialScene, joints: Array, height: float) -> State:
     return at_rest(q)
 
 
-def turned_above(
-    space: SpatialScene, start: State, goal: State, above: Array, height: float
-) -> Iterator[tuple[Transfer, ...]]:
-    """Motions by lifted poses over start and `above` (joints,), where they stop; in between the arm
-    turns above what stands there."""
-    lifted = (lifted_pose(space, q, height) for q in (start.q, above))
-    states = start, *lifted, goal
-    yield from zip(*(direct(space, *ends) for ends in itertools.pairwise(states)), strict=False)
-
-
 def still(state: State, ticks: int) -> Samples:
     """Samples at rest, one more than ticks."""
     return Samples(*(np.tile(row, (ticks + 1, 1)) for row in (state.q, state.dq, state.ddq)))
 
 
-def option_of(
-    parts: Sequence[Transfer | Samples], route: tuple[int, ...], after: int = 0, join: int = 0
-) -> Option:
+def option_of(parts: Sequence[Transfer | Samples], after: int = 0, join: int = 0) -> Option:
     """Motions one after another, and the number of samples of the throw that follow."""
     ticks = sum(p.ticks if isinstance(p, Transfer) else len(p.q) - 1 for p in parts) + after
 
     def make() -> Samples:
         return joined([p.samples if isinstance(p, Transfer) else p for p in parts])
 
-    return Option(TICK * ticks, make, join, route=route)
+    return Option(TICK * ticks, make, join)
 
 
-@dataclass(frozen=True, eq=False)
-class Ends:
-    """Between what a motion leads: motions (N, joints) that begin it, of which it takes one, and
-    motions that end it; each the fastest first, the gentlest last. One sample is a state."""
-
-    space: SpatialScene
-    begins: Sequence[Samples]
-    goals: Sequence[Samples]
-
-    def fastest(self) -> Iterator[Option]:
-        """The fastest direct motions."""
-        for begin, goal in itertools.product(self.begins, self.goals):
-            states = state_at(begin, -1), state_at(goal, 0)
-            for found in itertools.islice(direct(self.space, *states), 1):
-                yield option_of((begin, found, goal), DIRECT)
-
-    def slower(self) -> Iterator[Option]:
-        """Motions slowed until the verdict allows them, direct and by a raised pose; then by shares
-        of the limits, direct and by a lifted pose over the pick."""
-        pick = self.goals[0].q[-1]
-        middle = raised_pose(self.space, pick)
-        for rank in (0, -1):
-            begin, goal = self.begins[rank], self.goals[rank]
-            start, end = state_at(begin, -1), state_at(goal, 0)
-            for states, route in (((start, end), DIRECT), ((start, middle, end), RAISED)):
-                try:
-                    parts = [
-                        slowed_transfer(self.space, *pair, held=False)
-                        for pair in itertools.pairwise(states)
-                    ]
-                except UnsolvedError:
-                    continue
-                yield option_of((begin, *parts, goal), route)
-        for found in itertools.islice(direct(self.space, start, end), 1, None):
-            yield option_of((begin, found, goal), DIRECT)
-        for number, height in enumerate(LIFTS):
-            lifted = lifted_pose(self.space, pick, height)
-            ways = direct(self.space, start, lifted), direct(self.space, lifted, end)
-            for both in zip(*ways, strict=False):
-                yield option_of((begin, *both, goal), (*LIFTED, number))
-
-    def after_brake(self, one: CycleThrow) -> Iterator[Option]:
-        """Motions that stop after the throw's own brake, which keeps clear of what is around it; at
-        once, and when the object has landed."""
-        rest, landed = at_rest(one.samples.q[-1]), len(one.samples.q) - 1
-        goal = self.goals[-1]
-        for found in direct(one.space, rest, state_at(goal, 0)):
-            for until in {max(one.braked, one.free), landed}:
-                yield option_of((one.samples[one.free : until + 1], found, goal), BRAKED)
-
-
-def rest_connection(
-    ends: Ends,
-    hit: Callable[[Samples], int],
-    blocked: int,
-    come: Callable[[Samples], Sequence[Finding]],
-) -> Connection:
-    """From rest to rest; hit, blocked: as of `Connection`; come: what the open hand touches at the
-    end."""
-
-    def judge(found: Option) -> Finding | None:
-        broken = first_finding(ends.space, found.samples, held=False)
-        return broken or next(iter(come(found.samples)), None)
-
-    return Connection(ends.fastest(), ends.slower, judge, lambda found: hit(found.samples), blocked)
-
-
-def leave_connection(
-    one: CycleThrow,
+def connection_between(
+    space: SpatialScene,
+    begin: Samples,
     goals: Sequence[Samples],
-    hit: Callable[[Samples], int],
-    blocked: int,
     come: Callable[[Samples], Sequence[Finding]],
+    hit: Callable[[Samples], int],
+    one: CycleThrow | None = None,
 ) -> Connection:
-    """From the release to rest at the next pick or at home, if allowed without a stop; others: as
-    of `rest_connection`."""
-    ends = Ends(one.space, [one.samples[one.free : one.free + 1]], goals)
+    """From the end of a motion to rest, with an empty hand.
 
-    def judge(found: Option) -> Finding | None:
-        broken = first_finding(one.space, found.samples, held=False)
-        flown = flight_findings(one.space, one.throw, found.samples, TICK * one.free)
-        return broken or next(iter((*flown, *come(found.samples))), None)
+    goals: motions (N, joints) that end it, of which it takes one, the gentlest last; one sample is
+    a state. come: what the open hand touches at the end. hit: as of `Connection`. one: the throw
+    that was before; then `begin` is its sample `free`.
+    """
+    start, middle = state_at(begin, -1), raised_pose(space, goals[0].q[-1])
 
-    return Connection(
-        ends.fastest(),
-        lambda: itertools.chain(ends.slower(), ends.after_brake(one)),
-        judge,
-        lambda found: hit(found.samples),
-        blocked,
-    )
+    def fastest() -> Iterator[Option]:
+        for goal in goals:
+            for found in itertools.islice(direct(space, start, state_at(goal, 0)), 1):
+                yield option_of((begin, found, goal))
+
+    def slower(*by: State) -> Iterator[Option]:
+        for goal in (goals[0], goals[-1]):
+            ways = itertools.pairwise((start, *by, state_at(goal, 0)))
+            parts = [slowed(space, *way) for way in ways]
+            if None not in parts:
+                yield option_of((begin, *filter(None, parts), goal))
+
+    def after_brake() -> Iterator[Option]:
+        """After the throw's own brake, which keeps clear of what is around it: at once, and when
+        the object has landed."""
+        if one is None:
+            return
+        back = slowed(space, at_rest(one.samples.q[-1]), state_at(goals[-1], 0))
+        if back is not None:
+            for until in (max(one.braked, one.free), len(one.samples.q) - 1):
+                yield option_of((one.samples[one.free : until + 1], back, goals[-1]))
+
+    def judge(option: Option) -> Finding | None:
+        found = option.samples
+        flown: tuple[Finding, ...] = ()
+        broken = first_finding(space, found, held=False)
+        if broken is None and one is not None:
+            flown = flight_findings(one.space, one.throw, found, TICK * one.free)
+        return broken or next(iter((*flown, *come(found))), None)
+
+    options = iter([fastest(), slower(), slower(middle), after_brake()])
+    return Connection(options, judge, lambda option: hit(option.samples))

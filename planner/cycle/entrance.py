@@ -21,10 +21,6 @@ from ..throw import TICK, Limits, Samples, State, Transfer, joint_limits, transf
 from ..verdict import first_finding
 from .approach import Approach
 from .connections import (
-    DIRECT,
-    LIFTED,
-    LIFTS,
-    RAISED,
     Connection,
     CycleThrow,
     Option,
@@ -34,7 +30,6 @@ from .connections import (
     joined,
     option_of,
     state_at,
-    turned_above,
 )
 
 #: Shares of the time until the pads may open at which the throwing joints may join the swing.
@@ -56,19 +51,17 @@ LEAST_SHARE, SHARE_STEPS = 0.02, 7
 
 
 def enter_connection(
-    one: CycleThrow, approach: Approach, hit: Callable[[Samples], int], blocked: int
+    one: CycleThrow, approach: Approach, hit: Callable[[Samples], int]
 ) -> Connection:
     """From rest at a pick into a throw; its time is until the hand may leave the throw's plane.
 
-    hit, blocked: as of `Connection`.
+    hit: as of `Connection`, by what follows until the pads open.
     """
     entrance = _Entrance(one, approach)
     return Connection(
-        entrance.options(),
-        entrance.raised,
+        iter([entrance.options(), entrance.stopping(), entrance.raised()]),
         lambda found: first_finding(one.space, found.samples, held=True),
         lambda found: hit(entrance.until_opening(found)),
-        blocked,
     )
 
 
@@ -120,7 +113,7 @@ class _Entrance:
                 turn = max(round(share * until), fastest.ticks)
                 make = functools.partial(self._samples, way, found, wait, turn)
                 family = rank, which, place, number
-                yield Option(duration, make, self.opens, family, speed, family)
+                yield Option(duration, make, self.opens, family, speed)
                 if turn == fastest.ticks:
                     break
 
@@ -171,20 +164,19 @@ class _Entrance:
         rows[:, :, self.aside] = turned.samples.rows[:, last]
         return joined([way, Samples(*rows)])
 
-    def raised(self) -> Iterator[Option]:
-        """Motions to rest at the swing's start, or by a raised pose or two lifted ones, joining the
-        swing at its start or in its middle."""
+    def stopping(self) -> Iterator[Option]:
+        """Motions to rest at the swing's start."""
         way = self.approach.away[-1]
-        start = state_at(way, -1)
-        for slow in direct(self.one.space, start, state_at(self._throw, 0)):
-            yield option_of((way, slow), DIRECT, self.one.free)
+        for slow in direct(self.one.space, state_at(way, -1), state_at(self._throw, 0)):
+            yield option_of((way, slow), self.one.free)
+
+    def raised(self) -> Iterator[Option]:
+        """Motions by a raised pose, joining the swing at its start or in its middle."""
+        way = self.approach.away[-1]
         for k in (0, self.opens // 2):
-            ends, after = (self.one.space, start, state_at(self._throw, k)), self.one.free - k
-            for parts in by_raised(*ends):
-                yield option_of((way, *parts), (*RAISED, k), after, k)
-            for number, height in enumerate(LIFTS):
-                for parts in turned_above(*ends, self._throw.q[0], height):
-                    yield option_of((way, *parts), (*LIFTED, k, number), after, k)
+            states = state_at(way, -1), state_at(self._throw, k)
+            for parts in by_raised(self.one.space, *states):
+                yield option_of((way, *parts), self.one.free - k, k)
 
 
 def _stretched(swing: Samples, speed: float, end: int) -> Samples | None:

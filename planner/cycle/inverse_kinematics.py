@@ -27,10 +27,6 @@ CLOSE = 1e-9
 DOWN = -math.pi / 2
 #: Number of starts besides the seed, random and the same each time.
 STARTS = 40
-#: Number of solutions of which the nearest to the seed is taken.
-ENOUGH = 5
-#: Solutions [rad] that differ by less are one.
-ALIKE = 0.01
 #: Steps from one start, and the largest one [rad] of a joint.
 STEPS, LONGEST = 60, 0.5
 #: Least damping of a step, and of a step far from the place, as a share of the squared residual.
@@ -61,28 +57,15 @@ def inverse_kinematics(
 ) -> Array:
     """Joints (joints,) [rad] that hold the hand in a pose.
 
-    seed (joints,) [rad]: the solution next to it is preferred, then the nearest of those from
-    random starts. At rest there, arm and, if `held`, object break no limit of `motion_verdict`: own
-    body, obstacles, floor, grip, torques.
+    seed (joints,) [rad]: the solution next to it is preferred, then of those from random starts the
+    one whose joints that do not throw are nearest, from where throws start at once. At rest there,
+    arm and, if `held`, object break no limit of `motion_verdict`: own body, obstacles, floor, grip,
+    torques.
 
     InputError if there are no such joints, saying whether the place is out of reach, or what is in
     the way.
     """
-    search = _PoseSearch(space, pose, np.array(seed, float), held=held)
-    found = list[Array]()
-    for is_near, q in search.solutions():
-        if is_near:
-            return q
-        found.append(q)
-        if len(found) == ENOUGH:
-            break
-    return search.nearest(found)[0]
-
-
-def throwing_pose(space: SpatialScene, pose: HandPose, seed: Sequence[float]) -> Array:
-    """Joints as of `inverse_kinematics` with the object in the hand; of several the one whose
-    joints that do not throw are next to the seed, from where throws start at once."""
-    search, found = _PoseSearch(space, pose, np.array(seed, float), held=True), list[Array]()
+    search, found = _PoseSearch(space, pose, np.array(seed, float), held=held), list[Array]()
     for is_near, q in search.solutions():
         if is_near:
             return q

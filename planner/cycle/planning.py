@@ -16,9 +16,9 @@ from ..planner import Planner
 from ..result import Plan
 from ..throw import State, make_manipulator
 from .approach import approach_of
-from .connections import LIFTS, CycleThrow, at_rest, lifted_pose
+from .connections import CycleThrow, at_rest
 from .cycle import Cycle, UnsolvedError
-from .inverse_kinematics import HandPose, throwing_pose
+from .inverse_kinematics import HandPose, inverse_kinematics
 from .network import Network
 from .sequence import sequence
 from .waiting import WaitingObjects
@@ -50,7 +50,7 @@ def plan_cycle(
         raise InputError(f"{jobs.name}: order = 'free': {words}: order = 'given'")
     say = progress or (lambda words: None)
     jobs = with_joints(jobs)
-    objects = WaitingObjects(jobs) if len(jobs.picks) > 1 else None
+    objects = WaitingObjects(jobs)
     throws = _Throws(jobs, patience, say)
     planned = time.perf_counter() - started
     if throws.trouble:
@@ -59,28 +59,15 @@ def plan_cycle(
     say(f"{jobs.name}: finding the order")
     network = Network(jobs, throws.found, objects)
     try:
-        order, chosen = _fastest(network, throws)
+        chosen = network.fastest()
         say(f"{jobs.name}: joining the motions")
-        motion = sequence(jobs, network, order, chosen, throws.again)
+        motion = sequence(jobs, network, chosen, throws.again)
     except UnsolvedError as error:
         spent = {"throws": planned, "total": time.perf_counter() - started}
         return Cycle(jobs.name, refused=str(error), time=spent)
     total = time.perf_counter() - started
     spent = {"throws": planned, "transfers": total - planned, "total": total}
     return Cycle(jobs.name, motion, jobs.order if jobs.order == "given" else "exact", spent)
-
-
-def _fastest(network: Network, throws: _Throws) -> tuple[list[int], list[int]]:
-    """Picks and throws of the fastest order; throws from above where objects that wait allow none.
-
-    Raises UnsolvedError without one.
-    """
-    try:
-        return network.fastest()
-    except UnsolvedError:
-        if not throws.lift(network.hitting()):
-            raise
-        return network.fastest()
 
 
 def with_joints(jobs: Jobs) -> Jobs:
@@ -118,7 +105,7 @@ def _joints_over(jobs: Jobs, pick: Pick, place: tuple[float, float, float], near
     near[arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
     space = SpatialScene(scene, make_manipulator(scene))
     pose = HandPose(place, azimuth if pick.turn is None else pick.turn)
-    return throwing_pose(space, pose, near.tolist())
+    return inverse_kinematics(space, pose, near.tolist(), held=True)
 
 
 class _Throws:
@@ -187,19 +174,6 @@ class _Throws:
                 return planner
         self._planners.append(Planner(scene, library=False))
         return self._planners[-1]
-
-    def lift(self, throws: Sequence[CycleThrow]) -> bool:
-        """Further throws that start above the pick, over objects that wait around it; whether there
-        are any."""
-        count = len(self.found)
-        for one in throws:
-            pick = self.jobs.picks[one.pick]
-            scene = self.jobs.scene_of(pick, self.jobs.bin(one.bin))
-            above = lifted_pose(one.space, np.array(pick.joints), LIFTS[0])
-            plan = self._first(scene, _start(above.q, scene))
-            if plan.solved:
-                self.found.append(CycleThrow(plan, one.pick, one.bin))
-        return len(self.found) > count
 
     def again(self, one: CycleThrow, seconds: float) -> CycleThrow | None:
         """A throw into a moving bin, for where it is `seconds` after the start of the cycle."""

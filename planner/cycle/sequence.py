@@ -25,29 +25,29 @@ MEETINGS = 8
 def sequence(
     jobs: Jobs,
     network: Network,
-    order: Sequence[int],
     chosen: Sequence[int],
     again: Callable[[CycleThrow, float], CycleThrow | None],
 ) -> SentMotion:
-    """The motion through picks in this order with these throws.
+    """The motion through throws in turn.
 
     again: a throw for where its bin is at a time [s]. Raises UnsolvedError if a moving bin is not
     met.
     """
-    connections = network.connections(order, chosen)
-    parts = [_best(*connections.pop(0)).samples] if len(connections) % 2 else []
+    connections = network.connections(chosen)
+    parts = [_best(connections.pop(0)).samples] if len(connections) % 2 else []
     tick, carries = sum(len(part.q) - 1 for part in parts), list[Carry]()
-    ends = [*order[1:], -1 if network.home is not None else order[0]]
+    order = [network.throws[number].pick for number in chosen]
+    ends = [*order[1:], network.end_after(order)]
     for n, (number, end) in enumerate(zip(order, ends, strict=True)):
         pick, one, state = jobs.picks[number], network.throws[chosen[n]], network.picks[number]
         held = tick + math.ceil(pick.grasp_time / TICK - 1e-9)
         enter, leave, wait = connections[2 * n], connections[2 * n + 1], 0
         target = jobs.scene_of(pick, jobs.bin(one.bin)).aim
         if not target.at_rest:
-            one, enter, wait = _meet(network, one, enter[1], held, again)
-            leave = network.leaving(one, end), leave[1]
-            leave[0].settle(leave[1])
-        way, back = _best(*enter), _best(*leave)
+            one, enter, wait = _meet(network, one, held, again)
+            leave = network.leaving(one, end)
+            leave.settle()
+        way, back = _best(enter), _best(leave)
         reach, held = tick, held + wait
         join = held + len(way.samples.q) - 1
         swing = joined([way.samples, one.samples[way.join : one.free + 1]])
@@ -62,34 +62,31 @@ def sequence(
     return SentMotion(jobs.name, joined(parts), tuple(carries))
 
 
-def _best(connection: Connection, waiting: int) -> Option:
-    best = connection.best(waiting)
-    if best is None:
+def _best(connection: Connection) -> Option:
+    if connection.best is None:
         raise UnsolvedError(f"a motion to meet a moving bin: {connection.trouble}")
-    return best
+    return connection.best
 
 
 def _meet(
     network: Network,
     one: CycleThrow,
-    waiting: int,
     held: int,
     again: Callable[[CycleThrow, float], CycleThrow | None],
-) -> tuple[CycleThrow, tuple[Connection, int], int]:
-    """A throw that meets its moving bin, the motion into it with the picks that wait meanwhile, and
-    how many samples it waits.
+) -> tuple[CycleThrow, Connection, int]:
+    """A throw that meets its moving bin, the motion into it, and how many samples it waits.
 
     held: sample of the cycle at which the hand holds the object.
     """
     aim = -math.inf
     for _ in range(MEETINGS):
         connection = network.entering(one)
-        connection.settle(waiting)
-        way = _best(connection, waiting)
+        connection.settle()
+        way = _best(connection)
         begins = held + len(way.samples.q) - 1 - way.join
         wait = round((aim - TICK * begins - one.throw.landing_time) / TICK) if aim > 0 else -1
         if wait >= 0:
-            return one, (connection, waiting), wait
+            return one, connection, wait
         aim = TICK * begins + one.throw.landing_time + SLACK
         found = again(one, aim)
         if found is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection
-from functools import cached_property
 
 import numpy as np
 
@@ -24,16 +23,12 @@ class WaitingObjects:
     """
 
     def __init__(self, jobs: Jobs) -> None:
-        scenes = [jobs.scene_of(pick, jobs.bins_of(pick)[0]) for pick in jobs.picks]
-        self._spaces = [SpatialScene(scene, make_manipulator(scene)) for scene in scenes]
-        self._joints = [np.array(pick.joints) for pick in jobs.picks]
-        each = zip(self._spaces, self._joints, jobs.picks, strict=True)
-        self._objects = [space.waiting_object(q, pick.name) for space, q, pick in each]
-        self._refuse_overlaps(jobs)
-
-    def _refuse_overlaps(self, jobs: Jobs) -> None:
-        pairs = itertools.combinations(range(len(self._objects)), 2)
-        for one, other in pairs:
+        self._objects = list[tuple[Obstacle, ...]]()
+        for pick in jobs.picks:
+            scene = jobs.scene_of(pick, jobs.bins_of(pick)[0])
+            space = SpatialScene(scene, make_manipulator(scene))
+            self._objects.append(space.waiting_object(np.array(pick.joints), pick.name))
+        for one, other in itertools.combinations(range(len(self._objects)), 2):
             for a, b in itertools.product(self._objects[one], self._objects[other]):
                 gap = segment_distance(*_ends(a), *_ends(b))[0] - a.size[0] - b.size[0]
                 if gap < 0.0:
@@ -46,16 +41,10 @@ class WaitingObjects:
     def hit(self, space: SpatialScene, samples: Samples, pick: int, *, held: bool) -> int:
         """The picks whose objects a motion of all joints comes too near to; pick: one that it may,
         for the hand comes to it or holds its object (-1: none)."""
-        return self._picks(obstacles_hit(self._among(space, pick), samples, held=held))
-
-    @cached_property
-    def hit_at_picks(self) -> list[int]:
-        """For each pick those whose objects the hand comes too near to as it takes its own."""
-        found = list[int]()
-        for pick, (space, joints) in enumerate(zip(self._spaces, self._joints, strict=True)):
-            q = np.tile(joints, (2, 1))
-            found.append(self.hit(space, Samples(q, 0 * q, 0 * q), pick, held=True))
-        return found
+        scene = space.scene.replace(obstacle=self._besides(pick))
+        return self._picks(
+            obstacles_hit(SpatialScene(scene, space.manipulator), samples, held=held)
+        )
 
     def hit_by_throw(self, throw: Throw, pick: int) -> int:
         """The picks whose objects a throw of one comes too near to: the arm, and the object in the
@@ -70,11 +59,6 @@ class WaitingObjects:
         """The waiting objects but one."""
         others = (own for k, own in enumerate(self._objects) if k != pick)
         return tuple(itertools.chain(*others))
-
-    def _among(self, space: SpatialScene, pick: int) -> SpatialScene:
-        """The arm and its object among the others, without what else is around."""
-        scene = space.scene.replace(obstacle=self._besides(pick))
-        return SpatialScene(scene, space.manipulator)
 
 
 def _ends(capsule: Obstacle) -> tuple[Array, Array]:

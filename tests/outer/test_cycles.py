@@ -31,27 +31,6 @@ x = 0.6
 y = -0.02
 z = 0.62
 """
-#: Both throws swing back over the other's object.
-OVER_EACH_OTHER = """scene = "pose"
-[[bin]]
-name = "right"
-target = { x = 0.516, y = -0.978, z = 0.231, theta_deg = [-73.8, -57.8] }
-[[bin]]
-name = "left"
-target = { x = 0.744, y = 0.609, z = 0.128, theta_deg = -72.2 }
-[[pick]]
-name = "part"
-x = 0.438
-y = -0.291
-z = 0.344
-bins = ["left"]
-[[pick]]
-name = "other part"
-x = 0.474
-y = 0.276
-z = 0.33
-bins = ["right"]
-"""
 #: A capsule that reaches lower than the bar.
 LONG = [{"begin": [0.01, 0.0], "end": [0.49, 0.0], "radius": 0.01}]
 
@@ -272,20 +251,6 @@ def test_an_object_in_the_direct_way_is_gone_round(tmp_path: Path) -> None:
     thrown, waits = (one.hits for one in replay(direct).objects)
     met = any(hit.endswith("(waiting)") for hit in waits)
     assert met or "object other part (carried)" in thrown
-
-
-@pytest.mark.slow
-@pytest.mark.xfail(reason="under the recommended limits no motion is found that keeps the grip")
-def test_swings_over_each_others_objects_start_above_them(tmp_path: Path) -> None:
-    """Each swing from its own pick's pose meets the other object, so neither can come first."""
-    file = tmp_path / "jobs.toml"
-    file.write_text(OVER_EACH_OTHER)
-    cycle = plan_cycle(load_jobs(file))
-    assert cycle.solved, cycle.message
-    cycle.save(tmp_path)
-    assert broken_limits(tmp_path) == []
-    replays = replay(tmp_path).objects
-    assert all(one.inside and one.hits == [] for one in replays)
 
 
 def test_picks_whose_objects_overlap_are_refused(tmp_path: Path, refused) -> None:
