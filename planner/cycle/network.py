@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from ...models import Indices
 from ...problems.job_files import Jobs
 from ..clearance import SpatialScene
 from ..throw import Samples
@@ -21,6 +22,8 @@ from .waiting import WaitingObjects
 
 #: Number of home, beside those of the picks.
 HOME = -1
+#: Times [s] that differ by less are equal.
+SAME = 1e-9
 
 
 class Network:
@@ -98,42 +101,51 @@ class Network:
         Motions are judged only where the fastest order uses them. Where no order lets those pass
         that hit waiting objects, these are replaced. Raises UnsolvedError without an order.
         """
-        while True:
-            total, chosen = self._best_order()
-            if math.isfinite(total):
-                for way in self.connections(chosen):
-                    way.settle()
-                if self._best_order() == (total, chosen):
-                    return chosen
-                continue
+        best, before = self._best_order(), None
+        while best != before or not best[1]:
+            before = best
             hitting = [way for way in self._connections.values() if way.hits]
-            if not hitting:
+            if best[1]:
+                for way in self.connections(best[1]):
+                    way.settle()
+            elif hitting:
+                for way in hitting:
+                    way.avoid()
+            else:
                 raise UnsolvedError(self._why())
-            for way in hitting:
-                way.avoid()
+            best = self._best_order()
+        return best[1]
 
     def _best_order(self) -> tuple[float, list[int]]:
-        """Time [s] and throws of the fastest order by motions that are not refused, judged or not;
-        a round takes as long from each of its picks on, so it begins at the first."""
+        """Time [s] and throws of the fastest order by motions that are not refused, judged or
+        not."""
         waits = np.array([pick.grasp_time for pick in self.jobs.picks])
         picks, numbers = range(len(self.picks)), range(len(self.throws))
-        ways = [self.first(pick) for pick in picks]
         enter, own = [self.enter(c) for c in numbers], np.array([one.pick for one in self.throws])
         leave = [[self.leave(c, p) for p in picks] for c in numbers]
-        first = np.array([0.0 if way is None else way.time for way in ways])
-        first[1:] += np.inf if self._home is None else 0.0
         into = waits[own] + [way.time for way in enter]
+        back = np.array([[way.time for way in row] for row in leave])
         enter_hits = np.array([way.hits for way in enter])
-        first_hits = np.array([0 if way is None else way.hits for way in ways])
-        leave_hits = np.array([[way.hits for way in row] for row in leave])
-        return best_order(
-            first[own] + into,
-            np.array([[way.time for way in row] for row in leave])[:, own] + into,
-            np.array([self.leave(c, self.end_after([0])).time for c in numbers]),
-            own,
-            (first_hits[own] | enter_hits, leave_hits[:, own] | enter_hits),
-            given=self.jobs.order == "given",
-        )
+        way_hits = np.array([[way.hits for way in row] for row in leave])[:, own] | enter_hits
+        hits, step, given = (enter_hits, way_hits), back[:, own] + into, self.jobs.order == "given"
+        if self._home is not None:
+            ways = [self.first(pick) for pick in picks]
+            start = np.array([math.inf if way is None else way.time for way in ways])[own] + into
+            start_hits = np.array([0 if way is None else way.hits for way in ways])[own]
+            end = np.array([self.leave(c, HOME).time for c in numbers])
+            hits = start_hits | enter_hits, way_hits
+            return best_order(start, step, end, own, hits, given=given)
+
+        def round_from(pick: int, hits: tuple[Indices, Indices]) -> tuple[float, list[int]]:
+            start = np.where(own == pick, into, math.inf)
+            return best_order(start, step, back[:, pick], own, hits, given=given)
+
+        # From each of its picks on a round takes as long, but for what waits.
+        least, found = round_from(0, (0 * enter_hits, 0 * way_hits))[0], round_from(0, hits)
+        for pick in picks[1:] if not given else ():
+            if found[0] > least + SAME:
+                found = min(found, round_from(pick, hits))
+        return found
 
     def connections(self, chosen: Sequence[int]) -> list[Connection]:
         """The motions through throws in turn: from home, then into and out of each throw."""
