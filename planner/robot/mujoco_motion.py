@@ -81,6 +81,7 @@ class _Simulation:
         grasps = np.array([grasp_pose(one.throw.scene) for one in motion.carries])
         self.picks = _as_mujoco(_body_axes(motion.poses_at(np.array(held))[1]) @ grasps)
         self.data.qpos[self.first[0] :] = self.picks.ravel()
+        self.data.qpos[7:9] = self._pads(np.array([-PRESSING]), TICK)[0]
         self.held, self.detach = np.array(held), [one.detach_time for one in motion.carries]
         self.touched = [{phase: dict[str, float]() for phase in PHASES} for _ in motion.carries]
         #: Addresses of moving cups, their speed [m/s], and when they are where they were put.
