@@ -71,7 +71,7 @@ def cycled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cycle")
     jobs = folder / "two.toml"
     jobs.write_text(TWO)
-    tp.plan_cycle(tp.load_jobs(jobs)).save(folder / "out")
+    tp.plan_cycle(tp.load_jobs(jobs), patience=30).save(folder / "out")
     return folder / "out"
 
 

@@ -106,5 +106,5 @@ def table() -> Callable[[Path], np.ndarray]:
 def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the shipped cycle by an FR3; not to be changed."""
     folder = tmp_path_factory.mktemp("six")
-    tp.plan_cycle(tp.load_jobs("six-parts")).save(folder)
+    tp.plan_cycle(tp.load_jobs("six-parts"), patience=30).save(folder)
     return folder
