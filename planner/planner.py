@@ -129,6 +129,8 @@ class Planner:
         target = self.check(target)
         checked("solver", solver, str, {"choices": get_args(SolverName)})
         checked("turns", turns, str, {"choices": get_args(Turns)})
+        if turns == "any" and target.theta is None:
+            raise InputError("turns = 'any': theta is free, its turns do not count anyway")
         checked("alternatives", alternatives, int, {"least": 0, "most": MOST_ALTERNATIVES})
         checked("patience", patience, float | None, {"above": 0})
         method = self._method(robust)

@@ -63,6 +63,8 @@ def run(options: argparse.Namespace) -> int:
         sent, _ = robot.corrected(plan, robot.read_recording(options.after, plan))
     if options.rehearse and (options.dry or options.repeat > 1):
         raise InputError("--rehearse: not with --dry or --repeat")
+    if options.dry and (options.yes or options.repeat > 1):
+        raise InputError("--dry: moves nothing, so neither --yes nor --repeat")
     if options.dry:
         return _print_motion(options, sent)
     if options.robot is None:

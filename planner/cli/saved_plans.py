@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from ...problems import InputError
 from ...problems.scene_files import load_scene
 from .. import robot
 from ..planner import Planner
@@ -31,6 +32,9 @@ from .common import (
     save_out,
     written,
 )
+
+#: Port of a page.
+PORT = 8080
 
 
 def add_plan(add: Add) -> None:
@@ -59,8 +63,8 @@ def play_arguments(add: Add) -> None:
 
 def _add_page(add: Add) -> None:
     """The options of a page."""
-    words = "port of the page, on this machine (default: 8080)"
-    add("--port", type=integer(1, 65535), metavar="N", default=8080, help=words)
+    words = f"port of the page, on this machine (default: {PORT})"
+    add("--port", type=integer(1, 65535), metavar="N", help=words)
     add("--no-browser", action="store_true", help="do not open a browser")
     words = "end after this time (default: when interrupted)"
     add("--hold", type=number(0.001), metavar="SECONDS", help=words)
@@ -71,19 +75,23 @@ def view(options: argparse.Namespace) -> int:
 
     example: throwplan view out/cup/plan.json
     """
+    files = {kind: getattr(options, kind) for kind in ("png", "mp4")}
+    files = {kind: name for kind, name in files.items() if name is not None}
+    if files and (options.port or options.no_browser or options.hold):
+        raise InputError(
+            "--port, --no-browser, --hold: not with --png or --mp4, which open no page"
+        )
     with Progress("reading and throwing the plan"):
         space, why = robot.motion_to_rest(options.plan)
     if why:
         report_step(f"the bar stops at the target: {why}")
-    files = {kind: getattr(options, kind) for kind in ("png", "mp4")}
-    files = {kind: name for kind, name in files.items() if name is not None}
     for kind, name in files.items():
         with Progress(f"writing {name}"):
             save_in_space(space, kind, Path(name))
     if files:
         print_result(options, files, "\n".join(f"written to {name}" for name in files.values()))
         return DONE
-    with serving(space, options.port) as (address, panel):
+    with serving(space, options.port or PORT) as (address, panel):
         _show(options, {"address": address, "phases": space.phases()}, panel)
     return DONE
 
@@ -95,7 +103,7 @@ def play(options: argparse.Namespace) -> int:
     """
     scene = load_scene(options.scene)
     planner = Planner(scene)
-    with empty_page(scene.name, options.port) as (address, server):
+    with empty_page(scene.name, options.port or PORT) as (address, server):
         with Progress(f"{scene.name}: planning"):
             plan = first_plan(planner)
         if not plan.solved:

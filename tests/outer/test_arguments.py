@@ -41,6 +41,7 @@ MISTAKES: list[tuple[Call, str]] = [
     (lambda pl, p: pl.plan(solver="snopt"), "solver = 'snopt'"),
     (lambda pl, p: pl.plan(turns="some"), "turns = 'some'"),
     (lambda pl, p: p.save("out", draw="gif"), "draw = 'gif'"),
+    (lambda pl, p: tp.plan("hand-box", turns="any"), "turns = 'any'"),
     # A number.
     (lambda pl, p: pl.plan(alternatives=99), "alternatives = 99"),
     (lambda pl, p: pl.plan(patience=0), "patience = 0"),
@@ -53,7 +54,6 @@ MISTAKES: list[tuple[Call, str]] = [
     (lambda pl, p: tp.sweep(p, seed=-1), "seed = -1"),
     (lambda pl, p: tp.view(p, port=80_000), "port = 80000"),
     (lambda pl, p: tp.view(p, hold=-1), "hold = -1"),
-    (lambda pl, p: tp.replay(p, points=-1), "points = -1"),
     (lambda pl, p: tp.replay(p, step=0), "step = 0"),
     (lambda pl, p: tp.reach_map("pose", z=math.nan), "z = nan"),
     (lambda pl, p: tp.reach_map("pose", samples=2.5), "samples = 2.5"),

@@ -310,7 +310,7 @@ def test_a_hammer_goes_past_a_fence_into_a_bin_as_the_verdict_says() -> None:
     """In MuJoCo, with the hammer's mesh, it touches nothing on its way and rests in the bin."""
     plan = tp.plan(EXAMPLES / "hammer.toml")
     assert plan.status == "solved", plan.message
-    replay = tp.replay(plan)
+    (replay,) = tp.replay(plan).objects
     assert abs(replay.off("limit_surface")[0]) < 1e-3
     assert not {"hand", "base column", "obstacle fence"} & {*replay.touched}
     assert replay.rest.entered

@@ -97,7 +97,7 @@ def test_motion_csv_keeps_every_limit_and_rests_at_both_ends(name, saved, table)
     rows = table(saved(name) / "motion.csv")
     joints = range(1, 8)
     names = ["t", *(f"{kind}{j}" for kind in ("q", "dq", "ddq") for j in joints)]
-    assert list(rows.dtype.names) == names
+    assert list(rows.dtype.names) == [*names, "gripper"]
     q, dq, ddq = (np.column_stack([rows[f"{k}{j}"] for j in joints]) for k in ("q", "dq", "ddq"))
     assert np.allclose(np.diff(rows["t"]), 1e-3)
     assert (q <= POSITION_MAX).all() and (q >= POSITION_MIN).all()
@@ -151,7 +151,7 @@ def test_files_in_the_folder(tmp_path, run) -> None:
         *("plan.json", "motion.csv", "throw.png", "throw.gif")
     }
     header = (out / "motion.csv").read_text().splitlines()[0]
-    assert header == "t,x,z,theta,vx,vz,omega,ax,az,alpha"
+    assert header == "t,x,z,theta,vx,vz,omega,ax,az,alpha,gripper"
     from PIL import Image
 
     with Image.open(out / "throw.gif") as gif, Image.open(out / "throw.png") as png:

@@ -164,3 +164,9 @@ def test_a_cycle_is_served_and_painted(cycled, run, free_port, tmp_path) -> None
     assert run("view", cycled, "--png", tmp_path / "cycle.png").status == 0
     with Image.open(tmp_path / "cycle.png") as picture:
         assert picture.size == (960, 720) and picture.getextrema() != ((255, 255),) * 3
+
+
+def test_options_of_a_page_are_refused_where_none_opens(saved, tmp_path, refused) -> None:
+    to = (saved("hand-box"), "--png", tmp_path / "throw.png")
+    for words in (("--port", 9000), ("--hold", 3), ("--no-browser",)):
+        assert words[0] in refused("view", *to, *words) and not list(tmp_path.iterdir())
