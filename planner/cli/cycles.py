@@ -23,7 +23,7 @@ from .common import (
 def cycle_arguments(add: Add) -> None:
     """The options of `cycle`."""
     add("jobs", metavar="JOBS", help="a shipped job file's name or a TOML file of picks and bins")
-    add_patience(add, "3 s for each throw that is planned")
+    add_patience(add, "10 s for each throw that is planned")
     add_out(add, "cycle.json, motion.csv and cycle.png")
 
 

@@ -24,7 +24,7 @@ from .sequence import sequence
 from .waiting import WaitingObjects
 
 #: Time [s] for each throw that is planned.
-PATIENCE = 3.0
+PATIENCE = 10.0
 #: Largest number of bins into which throws of a pick are planned: those whose planes are nearest.
 MOST_BINS = 4
 #: Largest number of picks of which all orders are compared.
