@@ -52,7 +52,6 @@ report: .venv/run
 # them myst-nb leaves the notebooks' pictures.
 VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 site: .venv/docs
-	$(BIN)/throwplan scenes --keys > docs/keys.md
 	$(BIN)/sphinx-build --fail-on-warning --fresh-env --quiet -c docs/site -d out/doctrees . out/site/$(VERSION)
 	rm -r out/site/jupyter_execute
 

@@ -16,6 +16,7 @@ from docutils import nodes
 from packaging.version import Version
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
+from throwplan.problems.keys import scene_keys
 from throwplan.problems.section import Section
 
 project = "throwplan"
@@ -56,6 +57,9 @@ ziamath.config.svg2 = False
 #: Font size [px] of equations: STIX is smaller than the text's font.
 MATH_SIZE = 17
 
+# The page of all keys is made with the site.
+Path(__file__).parents[1].joinpath("keys.md").write_text(scene_keys(), encoding="utf-8")
+
 default_role = "py:obj"
 smartquotes = False
 autodoc_member_order = "bysource"
@@ -86,7 +90,6 @@ def write_math(writer: HTML5Translator, node: nodes.math | nodes.math_block) -> 
 def add_navigation(app: Sphinx, page: str, source: list[str]) -> None:
     """The front page's lists of links are the table of contents."""
     if page == root_doc:
-        # `make site` has made that page.
         keys = "`throwplan scenes --keys`"
         source[0] = source[0].replace(f"- {keys}", f"- [Every key](keys.md): {keys},")
         for title, links in re.findall(r"^## (.*)\n\n((?:[- ].*\n)+)", source[0], flags=re.M):

@@ -110,7 +110,7 @@ def test_a_lag_is_learnt_in_three_runs_inside_all_limits(plan) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("x", "theta_deg"), [(1.080, 30.0), (1.557, 148.0), (-1.203, 98.0)])
+@pytest.mark.parametrize(("x", "theta_deg"), [(1.080, 30.0), (1.557, 148.0)])
 def test_lags_are_learnt_over_the_map(tmp_path, x, theta_deg) -> None:
     """Thrown over the base, too."""
     target = tp.load_scene("fr3").target.in_plane(x, math.radians(theta_deg))
