@@ -330,4 +330,4 @@ def test_a_wall_in_the_way_is_hit_in_mujoco_and_named_by_the_verdict() -> None:
     found = [f for f in verdict(into).broken if f.code is Code.COLLISION]
     assert "obstacle fence" in {f.other for f in found}
     made = replace(plan, scene=into.scene, throw=replace(plan.throw, deciding=into))
-    assert "obstacle fence" in tp.replay(made).touched
+    assert "obstacle fence" in tp.replay(made).objects[0].touched
