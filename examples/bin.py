@@ -64,7 +64,8 @@ it stays there is not looked at, as the note says.
 `[rest]` says where the object is to come to rest, and what is known of its contacts: how much of
 its speed a bounce leaves (restitution) and the friction, each as a range. The flight goes on in
 MuJoCo, 64 times with contacts from these ranges, until the bar rests. If it does not always stay,
-the planner looks for a throw that stays more often: one that is slower where it lands.
+the planner looks for a throw that stays more often: one that is slower where it lands. Here it
+finds none, and the plan warns.
 """
 
 # %%
