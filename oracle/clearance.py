@@ -21,8 +21,6 @@ FLIGHT = 800
 WAY_IN = 1500
 #: Time [s] after the landing for which the way into a cup is followed.
 BEYOND = 0.3
-#: Links whose numbers differ by at most this meet at a joint and may touch.
-ADJACENT = 2
 #: Time [s] before the landing in which a bar may be as near to an obstacle as at the landing.
 LANDS = 0.05
 #: Share of the radius within which it may be in none as it lands.
@@ -177,9 +175,15 @@ class Flight:
         return np.column_stack([x + v_x * since, fall, theta + omega * since])
 
 
-def adjoin(one: Any, other: Any) -> bool:
-    """Whether capsules are of links next to each other, which may meet."""
-    return abs(one.link - other.link) <= ADJACENT and not (one.beside or other.beside)
+def may_overlap(arm: Any, i: int, j: int) -> float:
+    """How deep [m] two of an arm's capsules may overlap: as its file says; those of links that a
+    joint joins as they like. The hand is part of the last link."""
+    one, other = arm.capsules[i], arm.capsules[j]
+    if not (one.beside or other.beside):
+        first, second = (min(c.link, arm.joints) for c in (one, other))
+        if abs(first - second) <= 1:
+            return math.inf
+    return {each.capsules: each.depth for each in arm.overlaps}.get((i + 1, j + 1), 0.0)
 
 
 @dataclass(frozen=True)
@@ -262,11 +266,10 @@ class Around:
         for solid in self.solids:
             away = [solid.distance(*ends[k]).min() - radii[k] for k in moving]
             found[f"arm, {solid.name}"] = min(away, default=math.inf), solid.clearance
-        links = () if arm is None else arm.arm.capsules
         away = [
-            shapes.between_segments(*ends[i], *ends[j]).min() - radii[i] - radii[j]
+            shapes.between_segments(*ends[i], *ends[j]).min() - radii[i] - radii[j] + depth
             for i, j in itertools.combinations(range(len(groups)), 2)
-            if groups[i] != groups[j] and not adjoin(links[i], links[j])
+            if groups[i] != groups[j] and math.isfinite(depth := may_overlap(arm.arm, i, j))
         ]
         return found | ({"arm, itself": (min(away), 0.0)} if away else {})
 

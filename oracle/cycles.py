@@ -14,7 +14,7 @@ import numpy as np
 from throwplan.problems.scene_files import scene_from_table
 
 from . import shapes
-from .clearance import LANDS, Flight, Solid, adjoin
+from .clearance import LANDS, Flight, Solid, may_overlap
 from .files import columns_of
 from .judge import Judged, Oracle, joint_limits
 from .motion import TICK, Array, Frame, Samples, frames_of, link_inertia, quintics
@@ -159,12 +159,13 @@ class _CycleJudge:
 
     def itself(self) -> Iterator[str]:
         """Distances of the links from each other."""
-        pairs = itertools.combinations(zip(self.arm.capsules, self.links, strict=True), 2)
-        for (first, (a, r_a)), (second, (b, r_b)) in pairs:
-            one, other = first.link, second.link
-            if not adjoin(first, second) and {one, other} not in ({0}, {0, 1}):
+        pairs = itertools.combinations(enumerate(self.links), 2)
+        for (i, (a, r_a)), (j, (b, r_b)) in pairs:
+            one, other = self.numbers[i], self.numbers[j]
+            depth = may_overlap(self.arm, i, j)
+            if math.isfinite(depth) and {one, other} not in ({0}, {0, 1}):
                 ends = (end[::EVERY] for end in (*a, *b))
-                away = shapes.between_segments(*ends).min() - r_a - r_b
+                away = shapes.between_segments(*ends).min() - r_a - r_b + depth
                 if away < -NEAR:
                     yield f"links {one} and {other}: {away:.4f}"
 

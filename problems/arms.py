@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -13,16 +14,16 @@ import numpy as np
 
 from ..models.robot import (
     Arm,
+    CapsuleOverlap,
     DHRow,
     JointFrame,
     JointLimits,
     LinkCapsule,
     LinkInertia,
     Slowing,
-    SpatialArm,
     Tool,
     described,
-    segment_distance,
+    shape_overlaps,
 )
 from .checks import InputError, within
 from .files import text_of, toml_lines, toml_tables
@@ -40,13 +41,8 @@ TABLES: dict[str, type[Any]] = {
     "limits.slowing": Slowing,
     "links": LinkInertia,
     "capsules": LinkCapsule,
+    "overlaps": CapsuleOverlap,
 }
-
-#: Number of random states at which a gripper is compared with a wrist's link.
-WRIST_STATES = 500
-#: Share of these at which a thinned gripper is clear of the link, and by how much at least [m]: it
-#: covers the motion between the instants that a verdict checks.
-WRIST_SHARE, WRIST_ROOM = 0.75, 0.003
 
 #: Description of the frame of a gripper's body.
 FRAME = "in the flange's frame, z out of the hand, y along the pads' closing"
@@ -132,6 +128,15 @@ class GripperData:
             result["capsules"] = arm_capsules + [
                 {"link": joints + 1} | row for row in own["capsules"]
             ]
+        if tables.get("overlaps"):
+            rows = enumerate(tables.get("capsules", ()), start=1)
+            kept = [n for n, row in rows if row.get("link") != joints + 1]
+            measured = rows_from("overlaps", CapsuleOverlap, tables["overlaps"])
+            result["overlaps"] = [
+                {"capsules": [kept.index(n) + 1 for n in each.capsules], "depth": each.depth}
+                for each in measured
+                if {*each.capsules} <= {*kept}
+            ]
         return result
 
 
@@ -159,16 +164,15 @@ def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None 
             f"hand = {hand!r}: includes a hand, on which {gripper.description} cannot be mounted: "
             "import the arm with --tool FLANGE, its flange's link, without --tcp and --palm"
         )
-    for key in ("dh", "joints", "links", "capsules"):
+    for key in ("dh", "joints", "links", "capsules", "overlaps"):
         rows = tables.get(key, [])
         if not (isinstance(rows, list) and all(isinstance(row, dict) for row in rows)):
             raise InputError(f"{key} = {rows!r}: must be a list of tables")
     if not isinstance(tool := tables.get("tool", {}), dict):
         raise InputError(f"tool = {tool!r}: must be a section")
     arm = arm_from(gripper.on(tables))
-    note = _replacement(tables, arm, gripper)
-    arm = replace(arm, hand_links=(), notes=(*arm.notes, note) if note else arm.notes)
-    return _with_gripper_at_wrist(arm, gripper)
+    notes = filter(None, (_replacement(tables, arm, gripper), _overlaps_of(arm, gripper)))
+    return replace(arm, hand_links=(), notes=(*arm.notes, *notes))
 
 
 def _replacement(tables: Mapping[str, Any], arm: Arm, gripper: GripperData) -> str:
@@ -183,61 +187,23 @@ def _replacement(tables: Mapping[str, Any], arm: Arm, gripper: GripperData) -> s
     return f"{gripper.description} takes the place of the arm's own hand ({words})"
 
 
-def _with_gripper_at_wrist(arm: Arm, gripper: GripperData) -> Arm:
-    """The arm, with the capsules of its gripper fitted to the wrist where they meet at most angles.
-
-    Capsules are round where parts end: a gripper's reach behind the flange, a forked link's beyond
-    its joint, so that they may meet at all angles of a wrist whose parts never do. Such a capsule
-    counts to the last link, which adjoins the link two before it, and a thinner one takes its place
-    in the hand: it is clear of that link at `WRIST_SHARE` of the angles. Obstacles, and all other
-    links, see the full one. InputError for a gripper that is all inside that link.
-    """
-    last, hand = arm.joints, arm.joints + 1
-    low, high = arm.limits.position_min, arm.limits.position_max
-    q = np.random.default_rng(0).uniform(low, high, (WRIST_STATES, last))
-    frames = SpatialArm(arm).frames(q)
-    to_last = np.linalg.inv(frames[last, 0]) @ frames[hand, 0]
-    wrist = [c for c in arm.capsules if c.link == last - 2]
-    capsules = [c for c in arm.capsules if c.link != hand]
-    parts, thinned, left_out = list[LinkCapsule](), list[float](), 0
-    for part in (c for c in arm.capsules if c.link == hand):
-        room = np.min([_room(frames, part, link) for link in wrist], axis=0, initial=math.inf)
-        if np.median(room) >= 0:
-            parts.append(part)
+def _overlaps_of(arm: Arm, gripper: GripperData) -> str:
+    """Words for how deep a gripper may be in the arm's links, see `shape_overlaps`; empty if it
+    must keep off all. InputError for a gripper that is all inside a link."""
+    allowed, depths = shape_overlaps(arm), dict[int, float]()
+    for (i, part), (j, link) in itertools.permutations(enumerate(arm.capsules), 2):
+        depth = float(allowed[i, j])
+        if part.link != arm.joints + 1 or link.link == arm.joints or not 1e-3 <= depth < math.inf:
             continue
-        depth = WRIST_ROOM - float(np.quantile(room, 1 - WRIST_SHARE))
         if depth > 2 * part.radius:
             raise InputError(
-                f"{gripper.description} is {1e3 * depth:.0f} mm deep in link {last - 2} at "
-                "most angles of the wrist: correct [tool], or shorten this link's [[capsules]]"
+                f"{gripper.description} is {1e3 * depth:.0f} mm deep in link {link.link} in most "
+                "postures: correct [tool], or shorten this link's [[capsules]]"
             )
-        ends = [to_last[:3, :3] @ np.array(e) + to_last[:3, 3] for e in (part.begin, part.end)]
-        begin, end = np.round(ends, 12).tolist()
-        capsules.append(LinkCapsule(last, tuple(begin), tuple(end), part.radius))
-        if depth < part.radius:
-            parts.append(replace(part, radius=part.radius - depth))
-            thinned.append(depth)
-        else:
-            left_out += 1
-    if not thinned and not left_out:
-        return arm
-    words = [f"{len(thinned)} of them {1e3 * max(thinned):.0f} mm thinner"] if thinned else []
-    words += [f"{left_out} of them not at all"] if left_out else []
-    note = (
-        f"capsules of {gripper.description} meet link {last - 2} at most angles of the wrist: "
-        f"against this link the check takes {', '.join(words)}"
-    )
-    return replace(arm, capsules=(*capsules, *parts), notes=(*arm.notes, note))
-
-
-def _room(frames: np.ndarray, one: LinkCapsule, other: LinkCapsule) -> np.ndarray:
-    """Distance (N,) [m] between two capsules, below 0: they meet; frames: of `SpatialArm`."""
-    ends = [
-        frames[c.link, :, :3, :3] @ np.array(end) + frames[c.link, :, :3, 3]
-        for c in (one, other)
-        for end in (c.begin, c.end)
-    ]
-    return segment_distance(*ends) - one.radius - other.radius
+        depths[link.link] = max(depths.get(link.link, 0.0), depth)
+    pairs = (f"link {link} {1e3 * depth:.0f} mm" for link, depth in depths.items())
+    words = f"capsules of {gripper.description} overlap links in most postures, and may as deeply"
+    return f"{words}: {', '.join(pairs)}" if depths else ""
 
 
 def arm_from(tables: Mapping[str, Any]) -> Arm:
@@ -259,11 +225,7 @@ def arm_from(tables: Mapping[str, Any]) -> Arm:
     if arm.links and len(arm.links) != arm.joints + 1:
         raise InputError(f"links: must be {arm.joints + 1} tables, one per joint and the hand's")
     _check_inertias(arm.links)
-    for number, capsule in enumerate(arm.capsules, start=1):
-        if not 0 <= capsule.link <= arm.joints + 1:
-            raise InputError(
-                f"capsules {number}: link = {capsule.link}: must be 0 to {arm.joints + 1}"
-            )
+    _check_capsules(arm)
     ranges = zip(arm.limits.position_min, arm.limits.position_max, strict=True)
     ends, tool = [("[limits] position_min", *each) for each in ranges], arm.tool
     ends += [("[tool] palm_front", tool.palm_front, tool.palm_back)] * (tool.palm_half_width > 0)
@@ -276,6 +238,22 @@ def arm_from(tables: Mapping[str, Any]) -> Arm:
         if not 1 <= joint <= arm.joints:
             raise InputError(f"{key} = {joint!r}: must be a whole number, 1 to {arm.joints}")
     return arm
+
+
+def _check_capsules(arm: Arm) -> None:
+    """InputError for a link or a capsule that the arm does not have."""
+    for number, capsule in enumerate(arm.capsules, start=1):
+        if not 0 <= capsule.link <= arm.joints + 1:
+            raise InputError(
+                f"capsules {number}: link = {capsule.link}: must be 0 to {arm.joints + 1}"
+            )
+    count = len(arm.capsules)
+    for number, (first, second) in enumerate((each.capsules for each in arm.overlaps), start=1):
+        if not 1 <= first < second <= count:
+            raise InputError(
+                f"overlaps {number}: capsules = {[first, second]}: must be two, 1 to {count}, the "
+                "lower one first"
+            )
 
 
 def _check_inertias(links: Sequence[LinkInertia]) -> None:

@@ -2,6 +2,7 @@
 
 from .arm import (
     Arm,
+    CapsuleOverlap,
     DHRow,
     JointFrame,
     JointLimits,
@@ -15,3 +16,4 @@ from .arm import (
 from .capsules import ArmCapsules, Solid, about_z, segment_distance
 from .in_space import PadMotion, SpatialArm
 from .kinematics import PlanarArm, PlanarDynamics, PlanarHand, flange_velocity, hand_motion
+from .overlaps import measured_overlaps, shape_overlaps

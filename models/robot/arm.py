@@ -75,6 +75,16 @@ class LinkCapsule:
 
 
 @dataclass(frozen=True)
+class CapsuleOverlap:
+    """How deep two capsules may overlap where the links in them do not meet."""
+
+    capsules: tuple[int, int] = described(
+        "two of [[capsules]], counted from 1, the lower one first"
+    )
+    depth: float = described("m, a deeper overlap is a contact", least=0)
+
+
+@dataclass(frozen=True)
 class Tool:
     """From the last joint to the pads, and the hand's body behind them.
 
@@ -169,6 +179,9 @@ class Arm:
     )
     capsules: tuple[LinkCapsule, ...] = described(
         "shapes of the links, see [[capsules]]; left out: collisions of the arm are not checked", ()
+    )
+    overlaps: tuple[CapsuleOverlap, ...] = described(
+        "how deep capsules may overlap, see [[overlaps]]; of others by how often they do", ()
     )
     joint_names: tuple[str, ...] = described(
         "the joints' names in ROS; left out: NAME_joint1 and so on", ()

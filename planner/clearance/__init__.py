@@ -12,7 +12,6 @@ from .bodies import (
     contacts,
     hand_pairs,
     overlap,
-    shape_overlaps,
 )
 from .in_space import WAITS, SpatialScene
 from .outlines import (

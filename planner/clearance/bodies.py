@@ -10,8 +10,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from ...core import BodiesC, SolidC, library
-from ...models import Array, read_only, sticking_state
-from ...models.robot import Arm, ArmCapsules, Solid, SpatialArm, segment_distance
+from ...models import Array, sticking_state
+from ...models.robot import ArmCapsules, Solid, segment_distance, shape_overlaps
 from ...problems import InputError, Scene, ThrownObject, ThrowPlane
 from ..throw import Manipulator, Throw
 from .outlines import bar_ends, held_bar
@@ -23,9 +23,6 @@ LANDING = 0.05
 MIDDLE = 0.35
 #: Name of the bar, among those of links.
 BAR = "bar"
-#: Random states of an arm at which the overlap of its capsules is measured, and the share of them
-#: in which it is at most what is allowed.
-STATES, USUAL = 200, 0.9
 #: Number of values of a contact in the compiled core.
 CONTACT = 5
 
@@ -242,41 +239,6 @@ def _pairs_of(capsules: ArmCapsules, parts: int) -> list[tuple[int, int, float]]
     ]
     apart = [i for i in range(count) if moved[i] != capsules.hand_moved_by]
     return found + [(i, count + part, 0.0) for part in range(parts) for i in apart]
-
-
-@lru_cache(maxsize=8)
-def shape_overlaps(arm: Arm) -> Array:
-    """Overlap [m] that capsules of two links may have, (C, C); infinite where links adjoin.
-
-    A capsule is rounder than the link in it, so that those of a compact wrist, or of a torso and an
-    upper arm, may overlap where the links do not meet. Two capsules that overlap in half of the
-    states of all joints, or of those that throw, may overlap as deeply as they do in the share
-    `USUAL` of these. Links adjoin that a joint joins, and links two joints apart whose capsules
-    overlap like this or in the arm's posture. No link adjoins a body beside the arm.
-    """
-    low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
-    every = np.random.default_rng(0).uniform(low, high, (STATES, arm.joints))
-    posture, throwing = np.clip(arm.posture, low, high), np.array(arm.throwing_joints) - 1
-    in_plane = np.tile(posture, (STATES, 1))
-    in_plane[:, throwing] = every[:, throwing]
-    states = np.vstack([every, in_plane, posture])
-    frames, count = SpatialArm(arm).frames(states), len(arm.capsules)
-    ends = [
-        [frames[c.link][:, :3, :3] @ end + frames[c.link][:, :3, 3] for end in (c.begin, c.end)]
-        for c in arm.capsules
-    ]
-    allowed = np.full((count, count), np.inf)
-    for i, j in itertools.combinations(range(count), 2):
-        one, other = arm.capsules[i], arm.capsules[j]
-        joints, beside = abs(one.link - other.link), one.beside or other.beside
-        if one.link == other.link or (joints < 2 and not beside):
-            continue
-        depth = one.radius + other.radius - segment_distance(*ends[i], *ends[j])
-        groups = (depth[:STATES], depth[STATES:-1])[: 1 if beside else 2]
-        usual = [float(np.quantile(group, USUAL)) for group in groups if np.median(group) > 0.0]
-        if beside or joints > 2 or not (usual or depth[-1] > 0.0):
-            allowed[i, j] = allowed[j, i] = max(usual, default=0.0)
-    return read_only(allowed)
 
 
 def _grip(scene: Scene) -> tuple[float, float, float | None]:

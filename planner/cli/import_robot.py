@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from ...models.robot import Arm
+from ...models.robot import Arm, measured_overlaps, shape_overlaps
 from ...problems import InputError
 from ...problems.arms import arm_from, arm_table, arm_text
 from ...problems.files import copy_out, toml_tables
@@ -35,7 +35,6 @@ from ...problems.urdf import (
     urdf_file,
     weak_joints,
 )
-from ..clearance import shape_overlaps
 from ..planner import Planner
 from .common import DONE, Add, Progress, number, print_result, toml_out
 
@@ -181,6 +180,7 @@ def _import(options: argparse.Namespace, robot: Any) -> _Import:
     arm = arm_of(chain, limits_of(chain, _given_limits(options)), _choices(options, chain))
     shapes = link_shapes(chain, urdf_file(Path(options.urdf)), chain.length + options.tcp)
     arm = dataclasses.replace(arm, capsules=shapes.capsules)
+    arm = dataclasses.replace(arm, overlaps=measured_overlaps(arm, shapes.surfaces))
     arm = _with_recommendations(arm, options)
     arm = arm_from(toml_tables(arm_text(arm), options.out))
     _check_takes(options, arm)
@@ -361,14 +361,20 @@ def _facts(options: argparse.Namespace, arm: Arm, chain: UrdfChain) -> dict[str,
 
 
 def _overlaps(arm: Arm) -> list[dict[str, Any]]:
-    """Links, and how deep [m] their capsules may overlap, deepest first; the base is link 0."""
-    allowed, depths = shape_overlaps(arm), dict[str, float]()
-    for (i, one), (j, other) in itertools.combinations(enumerate(arm.capsules), 2):
-        if 1e-3 <= allowed[i, j] < math.inf:
-            links = f"{one.link}-{other.link}"
-            depths[links] = max(depths.get(links, 0.0), float(allowed[i, j]))
-    pairs = sorted(depths.items(), key=lambda pair: -pair[1])
-    return [{"links": links, "depth": depth} for links, depth in pairs]
+    """Links, the base is 0, and how deep [m] their capsules may overlap, deepest first, None: as
+    deep as they like; told: whether a deeper overlap is where their meshes meet."""
+    allowed, deepest = shape_overlaps(arm), dict[tuple[str, bool], float]()
+    told = {each.capsules for each in arm.overlaps}
+    for (i, one), (j, other) in itertools.combinations(enumerate(arm.capsules, start=1), 2):
+        depth = float(allowed[i - 1, j - 1])
+        if depth >= 1e-3 and abs(one.link - other.link) > 1:
+            key = f"{one.link}-{other.link}", (i, j) in told
+            deepest[key] = max(deepest.get(key, 0.0), depth)
+    pairs = sorted(deepest.items(), key=lambda pair: -pair[1])
+    return [
+        {"links": links, "depth": depth if math.isfinite(depth) else None, "told": told}
+        for (links, told), depth in pairs
+    ]
 
 
 def _shapes(result: dict[str, Any]) -> list[str]:
@@ -377,13 +383,23 @@ def _shapes(result: dict[str, Any]) -> list[str]:
         words = "no shapes of links in the URDF: collisions of the arm are not checked"
         return [f"{words} (no [[capsules]])"]
     lines = [f"shapes: {result['capsules']} capsules that contain the links' meshes"]
-    if result["overlaps"]:
-        pairs = (f"{one['links']} {1e3 * one['depth']:.0f} mm" for one in result["overlaps"])
-        lines.append(
-            "links whose capsules overlap in most postures (0: base), and how deep they may; only "
-            f"deeper overlaps are contacts: {', '.join(pairs)}"
+    overlaps = result["overlaps"]
+    told, untold = ([_depth(each) for each in overlaps if each["told"] == told] for told in (1, 0))
+    if told:
+        words = (
+            "links whose capsules overlap (0: base), and how deep they may until the meshes meet"
         )
+        lines.append(f"{words}: {', '.join(told)}")
+    if untold:
+        words = "links whose capsules do not tell contacts; only deeper overlaps count as such"
+        lines.append(f"{words}: {', '.join(untold)}")
     return lines
+
+
+def _depth(overlap: Mapping[str, Any]) -> str:
+    """Two links and how deep their capsules may overlap, as text."""
+    depth = overlap["depth"]
+    return f"{overlap['links']} {'any' if depth is None else f'{1e3 * depth:.0f} mm'}"
 
 
 def _held(chain: UrdfChain) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ EXTENT = 1.5
 #: A still link is halved at most this often, where its capsule's radius is above this share of the
 #: arm's reach and those of the halves have less than this share of its volume.
 HALVINGS, THICK, SMALLER = 3, 0.1, 0.8
+#: Points on a mesh are this far [m] from each other, where these are at most so many.
+SPACING, POINTS = 0.004, 20_000
 #: Distance [m] that is allowed for links that stand still, too: a short arm may hang on a mast.
 MAST = 2.0
 
@@ -34,11 +37,13 @@ MAST = 2.0
 class LinkShapes:
     """Capsules of a robot's links.
 
+    surfaces (N, 3) [m] each: points on the meshes in each capsule, in its link's frame;
     unread: the URDF's links whose meshes could not be read; tried: a file that was not found.
     not_z_up: links with a COLLADA mesh whose up axis is another than z.
     """
 
     capsules: tuple[LinkCapsule, ...]
+    surfaces: tuple[Array, ...]
     unread: tuple[str, ...]
     tried: str = ""
     not_z_up: tuple[str, ...] = ()
@@ -72,7 +77,8 @@ def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
         for name, parts in own.items()
         if any(part.metadata.get("up_axis", "Z") != "Z" for part in parts)
     )
-    return LinkShapes(tuple(capsules_found), tuple(unread), tried, turned)
+    surfaces = _surfaces(meshes, capsules_found)
+    return LinkShapes(tuple(capsules_found), surfaces, tuple(unread), tried, turned)
 
 
 def link_meshes(
@@ -272,6 +278,29 @@ def _outside(points: Array, capsules: Sequence[LinkCapsule]) -> float:
         for x, c in zip(segments, capsules, strict=True)
     ]
     return max(min(excess, default=math.inf), 0.0)
+
+
+def _surfaces(
+    meshes: Mapping[int, Mapping[str, Sequence[Any]]], capsules: Sequence[LinkCapsule]
+) -> tuple[Array, ...]:
+    """Points on the meshes (N, 3), of each capsule those that it holds best of all of its link."""
+    import trimesh
+
+    found = [np.zeros((0, 3)) for _ in capsules]
+    for number, own in meshes.items():
+        of_link = [k for k, capsule in enumerate(capsules) if capsule.link == number]
+        for mesh in itertools.chain(*own.values()):
+            count = min(math.ceil(mesh.area / SPACING**2), POINTS)
+            points = trimesh.sample.sample_surface(mesh, count, seed=0)[0]
+            segments = [np.array([*capsules[k].begin, *capsules[k].end]) for k in of_link]
+            outside = [
+                _distances(points, x)[0] - capsules[k].radius
+                for k, x in zip(of_link, segments, strict=True)
+            ]
+            best = np.argmin(outside, axis=0)
+            for n, k in enumerate(of_link):
+                found[k] = np.vstack([found[k], points[best == n]])
+    return tuple(found)
 
 
 def _join_base(chain: UrdfChain, capsules: Sequence[LinkCapsule]) -> list[LinkCapsule]:

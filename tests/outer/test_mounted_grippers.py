@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import varied
+from throwplan.models.robot import SpatialArm, segment_distance
 from throwplan.problems import arms
 from throwplan.problems.arms import load_arm, load_gripper
+
+from oracle.shapes import to_box
 
 OPTIONS = ["--acceleration", "10", "--jerk", "1000"]
 #: Axes of the joints, and where each is in the frame before it [m].
@@ -21,13 +24,17 @@ PLACES = ["0 0 .3", "0 0 .05", "0 0 .4", ".1 0 .03", ".3 0 0", ".08 0 0"]
 OUT = "0 1.5707963267948966 0"
 
 
-def six_axes(folder: Path, wide: float = 0.07, hand: str = "", mesh: str = "") -> Path:
+def six_axes(
+    folder: Path, wide: float = 0.07, hand: str = "", mesh: str = "", rod: float = 0.0
+) -> Path:
     """An arm whose forearm, a box that wide [m], ends 60 mm beyond its wrist's centre, 20 mm before
-    the flange; hand: links on tool0; mesh: of link 2."""
+    the flange; hand: links on tool0; mesh: of link 2; rod: a length [m] behind the flange."""
     lines = ['<robot name="six"><link name="base"/>']
     size = {4: f'<origin xyz=".18 0 0"/><geometry><box size=".36 {wide} {wide}"/>'}
     if mesh:
         size[2] = f'<geometry><mesh filename="{mesh}"/>'
+    if rod:
+        size[6] = f'<origin xyz="-.01 0 0"/><geometry><box size=".02 .02 {rod}"/>'
     parent = "base"
     for n, (axis, place) in enumerate(zip(AXES, PLACES, strict=True), start=1):
         shape = f"<collision>{size[n]}</geometry></collision>" if n in size else ""
@@ -95,40 +102,51 @@ def test_a_gripper_that_meets_every_wrist_angle_by_round_ends_throws(tmp_path, r
     words = ["--tool", "tool0", *OPTIONS, "--out", tmp_path / "arm.toml"]
     assert run("import-robot", six_axes(tmp_path), *words).status == 0
     scene, arm = tp.load_scene(scene_with(tmp_path)), load_arm("arm.toml", tmp_path)
-    (note,) = (words for words in scene.notes if "Robotiq 2F-85 meet link 4" in words)
-    # All of the gripper is there, the housing as part of the last link; the arm is as it was.
+    (note,) = (words for words in scene.notes if "Robotiq 2F-85 overlap links" in words)
+    depth = float(re.search(r"link 4 (\d+) mm", note)[1]) / 1e3
+    # All of the gripper is there; the arm is as it was.
     assert scene.arm.capsules[: len(arm.capsules)] == arm.capsules
     radii = [c.radius for c in load_gripper("robotiq-2f-85").capsules]
-    housing, thin, *fingers = scene.arm.capsules[len(arm.capsules) :]
-    assert (housing.link, housing.radius) == (6, radii[0]) and thin.link == 7
-    assert [c.radius for c in fingers] == radii[1:]
-    thinner = re.search(r"the check takes 1 of them (\d+) mm thinner", note)
-    assert radii[0] - thin.radius == pytest.approx(float(thinner[1]) / 1e3, abs=6e-4)
+    assert [c.radius for c in scene.arm.capsules if c.link == 7] == radii
+    assert 0.0 < depth < 2 * max(radii)
     x = scene.arm.placed(scene.arm.posture)[-1][0, 3]
     plan = tp.plan(scene, target=tp.Pose(x + 0.4, 0.3, None), patience=30.0)
     assert plan.solved and note in plan.summary()
-    # The housing is where it was: its ends in the base frame, by the last joint and by the hand.
-    *_, last, flange, tcp = scene.arm.placed(scene.arm.posture)
-    tcp[:3, 3] = flange[:3, 3]
-    for one, other in ((housing.begin, thin.begin), (housing.end, thin.end)):
-        np.testing.assert_allclose(last @ [*one, 1.0], tcp @ [*other, 1.0], atol=1e-12)
-
-
-def test_what_would_be_thinned_to_nothing_is_left_out(tmp_path, run) -> None:
-    words = ["--tool", "tool0", *OPTIONS, "--out", tmp_path / "arm.toml"]
-    assert run("import-robot", six_axes(tmp_path, wide=0.1), *words).status == 0
-    scene = tp.load_scene(scene_with(tmp_path))
-    assert [c.link for c in scene.arm.capsules] == [4, 6, 7, 7]
-    assert any("the check takes 1 of them not at all" in words for words in scene.notes)
 
 
 def test_a_gripper_inside_the_wrist_is_refused_with_its_depth(tmp_path, run, refused) -> None:
     words = ["--tool", "tool0", *OPTIONS, "--out", tmp_path / "arm.toml"]
     assert run("import-robot", six_axes(tmp_path, wide=0.3), *words).status == 0
     line = refused("plan", scene_with(tmp_path))
-    assert re.search(
-        r"arm.toml.*Robotiq 2F-85 is \d+ mm deep in link 4 at most angles.*shorten", line
-    )
+    assert re.search(r"arm.toml.*Robotiq 2F-85 is \d+ mm deep in link 4.*shorten", line)
+
+
+@pytest.mark.parametrize("wide", [0.08, 0.14])
+def test_capsules_overlap_as_deeply_as_the_meshes_are_apart_or_import_says_so(
+    wide, tmp_path, run
+) -> None:
+    """A rod behind the flange sweeps past the forearm's end, or through it."""
+    out = tmp_path / "arm.toml"
+    urdf = six_axes(tmp_path, wide, rod=0.16)
+    said = run("import-robot", urdf, "--tool", "tool0", *OPTIONS, "--out", out, "--json").json
+    arm, (overlap,) = load_arm(str(out)), said["overlaps"]
+    assert overlap["links"] == "4-6" and overlap["told"] == bool(arm.overlaps) == (wide < 0.1)
+    forearm, rod = arm.capsules
+    low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
+    frames = SpatialArm(arm).frames(np.random.default_rng(5).uniform(low, high, (400, 6)))
+    begin, end = (frames[6, :, :3] @ [*point, 1.0] for point in (rod.begin, rod.end))
+    placed = [frames[4, :, :3] @ [*point, 1.0] for point in (forearm.begin, forearm.end)]
+    depth = forearm.radius + rod.radius - segment_distance(*placed, begin, end)
+    # The rod's axis against the box, in the frame of joint 4, whose z is along the box.
+    back = np.linalg.inv(frames[4])
+    ends = (np.einsum("nij,nj->ni", back, np.c_[at, np.ones(400)])[:, :3] for at in (begin, end))
+    half = np.array([wide / 2, wide / 2, 0.18])
+    apart = to_box(*ends, np.array([0.0, 0.0, 0.18]), np.eye(3), half)
+    # The rod is 20 mm thick.
+    meet, clear = depth[apart < 0.01], depth[apart > 0.0142]
+    assert len(meet) > 40
+    if overlap["told"]:
+        assert (meet > overlap["depth"]).all() and np.mean(clear <= overlap["depth"]) > 0.5
 
 
 @pytest.mark.parametrize(

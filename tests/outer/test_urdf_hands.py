@@ -14,8 +14,7 @@ import throwplan as tp
 import trimesh
 import yourdfpy
 from imports import imported
-from throwplan.models.robot import Arm, SpatialArm
-from throwplan.planner.clearance import shape_overlaps
+from throwplan.models.robot import Arm, SpatialArm, shape_overlaps
 from throwplan.problems.arms import load_arm, load_gripper
 
 from oracle.shapes import to_segment
