@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -57,6 +57,8 @@ class GripperCapsule:
     radius: float = described("m", above=0)
 
 
+#: Keys of a gripper that may be assumed.
+ASSUMABLE = ("force", "force_peak", "dwell", "opening")
 #: Keys of a gripper's body that take the place of an arm's, in [tool].
 BODY = ("tcp", "palm_back", "palm_front", "palm_half_width", "open_width")
 
@@ -143,8 +145,10 @@ class GripperData:
 def load_gripper(name: str, folder: Path | None = None) -> GripperData:
     """A gripper from a shipped name or a gripper data file (TOML), relative to `folder`."""
     tables = toml_tables(text_of("grippers", name, folder)[0], name)
-    gripper_data: GripperData = from_table(GripperData, tables)
-    return gripper_data
+    data: GripperData = from_table(GripperData, tables)
+    given = [key for key in ASSUMABLE if getattr(data, key) is not None]
+    _check_assumed(data.assumed, given, "that plans name")
+    return data
 
 
 def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None = None) -> Arm:
@@ -154,6 +158,10 @@ def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None 
     """
     tables = toml_tables(text_of("arms", name, folder)[0], name)
     own = tables.pop("gripper", None)
+    if own is not None and isinstance(tool := tables.get("tool"), dict):
+        for key in BODY:
+            if key in tool:
+                raise InputError(f"[tool] {key} = {tool[key]!r}: only without gripper = {own!r}")
     if gripper is None and own is not None:
         with within(f"gripper = {own!r}"):
             gripper = load_gripper(str(own), folder)
@@ -226,6 +234,7 @@ def arm_from(tables: Mapping[str, Any]) -> Arm:
         raise InputError(f"links: must be {arm.joints + 1} tables, one per joint and the hand's")
     _check_inertias(arm.links)
     _check_capsules(arm)
+    _check_recommendations(arm)
     ranges = zip(arm.limits.position_min, arm.limits.position_max, strict=True)
     ends, tool = [("[limits] position_min", *each) for each in ranges], arm.tool
     ends += [("[tool] palm_front", tool.palm_front, tool.palm_back)] * (tool.palm_half_width > 0)
@@ -247,13 +256,36 @@ def _check_capsules(arm: Arm) -> None:
             raise InputError(
                 f"capsules {number}: link = {capsule.link}: must be 0 to {arm.joints + 1}"
             )
-    count = len(arm.capsules)
-    for number, (first, second) in enumerate((each.capsules for each in arm.overlaps), start=1):
+        if capsule.beside and capsule.link:
+            raise InputError(f"capsules {number}: beside = true: only with link = 0")
+    count, pairs = len(arm.capsules), [each.capsules for each in arm.overlaps]
+    for number, (first, second) in enumerate(pairs, start=1):
+        row = f"overlaps {number}: capsules = {[first, second]}"
         if not 1 <= first < second <= count:
-            raise InputError(
-                f"overlaps {number}: capsules = {[first, second]}: must be two, 1 to {count}, the "
-                "lower one first"
-            )
+            raise InputError(f"{row}: must be two, 1 to {count}, the lower one first")
+        one, other = arm.capsules[first - 1], arm.capsules[second - 1]
+        joints, beside = abs(one.link - other.link), one.beside or other.beside
+        if joints == 0 or (joints == 1 and not beside):
+            raise InputError(f"{row}: must be of two links that no joint joins")
+        if (first, second) in pairs[: number - 1]:
+            raise InputError(f"{row}: must be in one table only")
+
+
+def _check_recommendations(arm: Arm) -> None:
+    """InputError for keys that would do nothing: of torques that nobody knows, or assumed values
+    that are not there."""
+    given = {key: value for key, value in vars(arm.limits).items() if value is not None}
+    for key in ("torque_rate", "torque_margin"):
+        if key in given and not arm.links:
+            raise InputError(f"[limits] {key} = {given[key]:g}: only with masses, in [[links]]")
+    _check_assumed(arm.assumed, given, "of [limits]")
+
+
+def _check_assumed(names: Sequence[str], given: Iterable[str], where: str) -> None:
+    """InputError for names that are not among the given keys."""
+    for name in names:
+        if name not in given:
+            raise InputError(f"assumed = {name!r}: must be a key {where}: {', '.join(given)}")
 
 
 def _check_inertias(links: Sequence[LinkInertia]) -> None:

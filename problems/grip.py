@@ -375,7 +375,7 @@ class Gripper(Section):
             values |= {"force": data.force, "dwell": data.dwell, "opening": data.opening}
         for name, value in values.items():
             if getattr(self, name) in (None, UNSET):
-                if name in data.assumed:
+                if {"peak": "force_peak"}.get(name, name) in data.assumed:
                     self.assume(name, value)
                 else:
                     object.__setattr__(self, name, value)

@@ -21,9 +21,11 @@ STATES, USUAL = 200, 0.9
 COMPARED = 1500
 #: Side [m] of the cells in which surfaces, points about 4 mm from each other, are compared.
 CELL = 0.005
+#: Room [m] between a measured overlap and the least at which links were seen to touch.
+ROOM = 1e-3
 #: Least share of the states without a contact that a measured overlap allows. With less, the
 #: capsules of the two links do not tell contacts.
-TOLD = 0.25
+TOLD = 0.2
 
 
 @lru_cache(maxsize=8)
@@ -67,11 +69,12 @@ def measured_overlaps(arm: Arm, surfaces: Sequence[Array]) -> tuple[CapsuleOverl
         first, second = (frames[arm.capsules[k].link] for k in (i, j))
         touch = _touch(surfaces[i], surfaces[j], np.linalg.inv(first) @ second, depth > 0.0)
         free = depth[~touch]
-        most = min(free.max(initial=0.0), depth[touch].min(initial=math.inf))
+        most, contact = free.max(initial=0.0), depth[touch].min(initial=math.inf)
+        if contact < most:
+            # States between the sampled ones touch before.
+            most = max(contact - ROOM, 0.0)
         if free.size and np.mean(free <= most) >= TOLD:
-            # Less than at a contact, as states between the sampled ones meet before.
-            room = 2e-3 if most < free.max() else 0.0
-            found.append(CapsuleOverlap((i + 1, j + 1), max(round(float(most) - room, 4), 0.0)))
+            found.append(CapsuleOverlap((i + 1, j + 1), round(float(most), 4)))
     return tuple(found)
 
 

@@ -139,6 +139,8 @@ def _with_recommendations(arm: Arm, options: argparse.Namespace) -> Arm:
     """The arm with the recommended tool speed and, if its masses are known, torque rate."""
     names = ["tool_speed", "torque_rate"] if arm.links else ["tool_speed"]
     given = {name: getattr(options, name) for name in names}
+    if options.torque_rate is not None and not arm.links:
+        raise InputError(f"--torque-rate {options.torque_rate:g}: only for a URDF with masses")
     assumed = tuple(name for name, value in given.items() if value is None)
     limits = dataclasses.replace(arm.limits, **given | {name: ASSUMED[name][0] for name in assumed})
     return dataclasses.replace(arm, limits=limits, assumed=assumed)
@@ -204,7 +206,9 @@ def _check_takes(options: argparse.Namespace, arm: Arm) -> None:
         check(arm)
     except InputError:
         try:
-            check(dataclasses.replace(arm, links=()))
+            limits = dataclasses.replace(arm.limits, torque_rate=None, torque_margin=None)
+            assumed = tuple(key for key in arm.assumed if key != "torque_rate")
+            check(dataclasses.replace(arm, links=(), limits=limits, assumed=assumed))
         except InputError as error:
             words = "change --approach, --closing, --throwing or --posture-deg"
             raise InputError(f"{error}; {words}") from None

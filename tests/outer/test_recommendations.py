@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from builders import varied
 from throwplan.models.robot import SpatialArm
 from throwplan.planner.throw import TICK
 from throwplan.planner.verdict import Code, verdict
+from throwplan.problems import arms
 
 from oracle import read_oracle
 
@@ -107,7 +109,9 @@ def test_a_grippers_spread_is_the_scenes_uncertainty_where_that_is_silent(tmp_pa
 
 
 @pytest.mark.parametrize("inertial", [INERTIAL, ""], ids=["masses", "no masses"])
-def test_plans_of_an_imported_arm_say_what_is_assumed(tmp_path: Path, run, inertial: str) -> None:
+def test_plans_of_an_imported_arm_say_what_is_assumed(
+    tmp_path: Path, run, refused, inertial: str
+) -> None:
     (tmp_path / "own.urdf").write_text(urdf_of(inertial), encoding="utf-8")
     arm = tmp_path / "own.toml"
     options = "import-robot --tool l3 --acceleration 10 --jerk 500 --json --tcp 0.1"
@@ -122,5 +126,47 @@ def test_plans_of_an_imported_arm_say_what_is_assumed(tmp_path: Path, run, inert
     assert json.loads(said.out)["assumed"] == [f"arm.{name}" for name in assumed]
     line = run("plan", tmp_path / "own-scene.toml").out
     assert "arm tool speed" in line and ("torques are not checked" in line) == (not inertial)
-    options += " --force --tool-speed 1.2 --torque-rate 900"
+    options += " --force --tool-speed 1.2"
+    if inertial:
+        options += " --torque-rate 900"
+    else:
+        line = refused(f"{options} --torque-rate 900".replace(" --json", ""), *words)
+        assert "--torque-rate 900: only for a URDF with masses" in line
     assert run(options, *words).json["assumed"] == []
+
+
+#: A file, text in it after which a key would do nothing, the key, and what is said of it.
+IDLE = [
+    ("panda", "[limits]\n", "torque_margin = 0.2", "torque_margin = 0.2: only with masses"),
+    ("panda", "_joint = 1\n", "assumed = ['slowing']", r"assumed = 'slowing': .*\[limits\]: pos"),
+    ("panda", "_joint = 1\n", "overlaps = [{ capsules = [4, 5], depth = 0.1 }]", "two links that"),
+    (
+        "panda",
+        "0.083], radius = 0.05",
+        ", beside = true",
+        "capsules 10: beside = true: only with link = 0",
+    ),
+    ("panda", "[tool]\n", "tcp = 0.1", "tcp = 0.1: only without gripper = 'franka-hand'"),
+    (
+        "franka-hand",
+        'description = "Franka Hand"\n',
+        "assumed = ['mass']",
+        "assumed = 'mass': .*: force, force_peak, dw",
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "after", "key", "words"), IDLE)
+def test_keys_that_would_do_nothing_are_refused(name, after, key, words, tmp_path, refused) -> None:
+    folder = "arms" if name == "panda" else "grippers"
+    text = (Path(arms.__file__).parent / folder / f"{name}.toml").read_text(encoding="utf-8")
+    text = re.sub(r"^(assumed|overlaps|torque_rate) = .*\n", "", text, flags=re.M)
+    if "masses" in words:
+        text = text.partition("[[links]]")[0]
+    (tmp_path / "own.toml").write_text(
+        text.replace(after, f"{after}{key}\n" if "\n" in after else after + key), encoding="utf-8"
+    )
+    scene = tp.scene_text("pose").replace(f'"{name}"', '"own.toml"')
+    (tmp_path / "scene.toml").write_text(scene, encoding="utf-8")
+    line = refused("plan", tmp_path / "scene.toml")
+    assert "own.toml" in line and re.search(words, line)
