@@ -23,6 +23,8 @@ COMPARED = 1500
 CELL = 0.005
 #: Room [m] between a measured overlap and the least at which links were seen to touch.
 ROOM = 1e-3
+#: Measured overlap over the largest seen, of links that do not touch where theirs is largest.
+DEEPER = 1.25
 #: Least share of the states without a contact that a measured overlap allows. With less, the
 #: capsules of the two links do not tell contacts.
 TOLD = 0.2
@@ -53,7 +55,7 @@ def shape_overlaps(arm: Arm) -> Array:
 
 def measured_overlaps(arm: Arm, surfaces: Sequence[Array]) -> tuple[CapsuleOverlap, ...]:
     """How deep capsules may overlap, judged by the links' surfaces: less than at any contact that
-    was seen, and at most as deep as without one.
+    was seen, and not much deeper than without one.
 
     surfaces (N, 3) [m] each: points on what is in each capsule, in its link's frame. Of links two
     joints apart, and others whose capsules may overlap; none where capsules do not tell contacts,
@@ -69,7 +71,8 @@ def measured_overlaps(arm: Arm, surfaces: Sequence[Array]) -> tuple[CapsuleOverl
         first, second = (frames[arm.capsules[k].link] for k in (i, j))
         touch = _touch(surfaces[i], surfaces[j], np.linalg.inv(first) @ second, depth > 0.0)
         free = depth[~touch]
-        most, contact = free.max(initial=0.0), depth[touch].min(initial=math.inf)
+        # Ends of ranges, between which the samples are, may be deeper.
+        most, contact = DEEPER * free.max(initial=0.0), depth[touch].min(initial=math.inf)
         if contact < most:
             # States between the sampled ones touch before.
             most = max(contact - ROOM, 0.0)

@@ -94,8 +94,9 @@ def test_an_arm_of_six_joints(copied, tmp_path, run, refused) -> None:
     arm = plan["definition"]["arm"]
     last = arm["dh"].pop()
     arm["posture"].pop()
-    for joined in ("links", "capsules"):
+    for joined in ("links", "capsules", "overlaps"):
         arm.pop(joined, None)
+    del arm["limits"]["torque_rate"]
     for values in arm["limits"].values():
         if isinstance(values, list):
             values.pop()
