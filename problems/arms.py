@@ -188,9 +188,10 @@ def _replacement(tables: Mapping[str, Any], arm: Arm, gripper: GripperData) -> s
     masses = rows_from("links", LinkInertia, tables.get("links", []))[arm.joints :]
     rows = rows_from("capsules", LinkCapsule, tables.get("capsules", []))
     mass, shapes = sum(link.mass for link in masses), sum(c.link > arm.joints for c in rows)
-    if not (mass or shapes or arm.hand_links):
+    tcp = tables.get("tool", {}).get("tcp", 0.0)
+    if not (mass or shapes or arm.hand_links or tcp):
         return ""
-    parts = [", ".join(arm.hand_links), f"{mass:.3g} kg", f"{shapes} capsules"]
+    parts = [", ".join(arm.hand_links), f"{mass:.3g} kg", f"{shapes} capsules", f"tcp {tcp:g} m"]
     words = ", ".join(filter(None, parts))
     return f"{gripper.description} takes the place of the arm's own hand ({words})"
 

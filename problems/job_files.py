@@ -146,6 +146,10 @@ class Jobs(JobKeys):
             if name not in names:
                 hint = InputError.hint(name, names)
                 mistakes.lines.append(f"bins: no bin {name!r}{hint} (bins: {', '.join(names)})")
+        contact = pick.sections.get("contact", {})
+        if "pressure" in contact:
+            words = "the release models of a cycle do not know it: leave it out"
+            mistakes.lines.append(f"[contact] pressure = {contact['pressure']!r}: {words}")
         if pick.bins == ():
             mistakes.lines.append("bins = []: must name at least one bin")
         mistakes.refuse()

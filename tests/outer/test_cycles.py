@@ -119,6 +119,10 @@ def test_an_edited_motion_is_refused_by_the_verdict(cycled: Path, tmp_path: Path
         ({"z = 0.35": "z = 0.35\nbins = ['bn']"}, "pick 1: bins: no bin 'bn', did you mean 'bin'?"),
         ({"z = 0.35": "z = 0.35\ngrasp_time = -1"}, "pick 1: grasp_time = -1"),
         ({"z = 0.35": "z = 0.35\nobject = { mass = -1 }"}, "pick 1: [object] mass = -1"),
+        (
+            {"z = 0.35": "z = 0.35\ncontact = { pressure = 'hertz' }"},
+            "pick 1: [contact] pressure = 'hertz': the release models of a cycle do not know it",
+        ),
         ({"z = 0.2,": ""}, "bin 1: [target] key 'z' is missing"),
         ({"target = {": "goal = {"}, "section [bin.target] is missing"),
         ({"theta_deg = -90.0 }": "theta_deg = -90.0 }\ncup = { radius = 1 }"}, "bin 1: [cup]"),
