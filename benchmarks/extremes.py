@@ -275,7 +275,8 @@ def finite(plan: Plan) -> bool:
     """Whether all numbers of a plan are finite."""
     found: list[Any] = []
     if plan.nearest is not None:
-        found += [plan.nearest.x, plan.nearest.z, plan.nearest.theta or 0.0]
+        near = plan.nearest.target
+        found += [near.x, near.z, near.theta or 0.0]
     if plan.solved and plan.throw is not None:
         throw = plan.throw
         solution = throw.solution

@@ -84,7 +84,7 @@ def pareto(*figures: Sequence[float] | Array, margins: Sequence[float] | None = 
     return found
 
 
-def warmed(scene: Scene, targets: Sequence[Pose], solver: SolverName = "auto") -> Planner:
+def warmed(scene: Scene, targets: Sequence[Pose], solver: SolverName = "fatrop") -> Planner:
     """A planner with its NLPs built by plans to `targets`, so that later times exclude that."""
     planner = Planner(scene, library=False)
     for target in targets:

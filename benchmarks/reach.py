@@ -162,8 +162,7 @@ def _over_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
         "prepare [s]": None if before else seconds,
         "library [MB]": planner.library.records.nbytes / 1e6,
         "moved throws": sum(plan.solved and plan.solver == "corrector" for plan in plans),
-        "out of reach": said["out_of_reach"],
-        "no answer": said["not_converged"],
+        "not found": said["not_found"],
     }
     row |= _row(plans) | {f"cold: {name}": value for name, value in _row(cold).items()}
     row |= _beside(planner, [p for p in plans if p.solved][: effort.of(*WARM_PLANS)])

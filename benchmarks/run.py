@@ -13,7 +13,7 @@ from pathlib import Path
 from throwplan.planner.show import own_style
 from throwplan.problems.files import filling
 
-from . import models, parts, planner, reach, rest, robust, stability, summary, swings
+from . import models, parts, planner, reach, rest, robust, search, stability, summary, swings
 from .page import APPENDIX, Effort, ReportSection, parts_of, write_page
 
 #: Sections by their names for `--only`, in the page's order.
@@ -24,13 +24,14 @@ SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "stability": stability.make,
     "parts": parts.make,
     "reach": reach.make,
+    "search": search.make,
     "rest": rest.make,
     "swings": swings.make,
     "robust": robust.make,
 }
 #: Sections of studies that are done, after the others on the page. Their text, tables and pictures
 #: stay; their code is in the commit that they name.
-FROZEN = ("edge", "tosses", "throws", "calibration", "pushes", "shapes")
+FROZEN = ("tosses", "throws", "calibration", "pushes", "shapes")
 #: Libraries whose versions the report names.
 LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig")
 

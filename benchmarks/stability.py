@@ -10,8 +10,7 @@ import numpy as np
 from throwplan import Plan, Planner, load_scene, scene_names
 from throwplan.models import Array
 from throwplan.planner.ocp import ThrowNlp
-from throwplan.planner.samples import starts
-from throwplan.planner.search import Task, attempts, release_start
+from throwplan.planner.search import Exact, Starts, Task, attempt
 from throwplan.planner.show import Row, Table
 
 from .extremes import PATIENCE, CaseOutcome, cases, outcomes, some
@@ -20,7 +19,7 @@ from .page import Effort, ReportSection
 from .processes import ENDINGS, in_processes
 
 #: Outcomes of a plan without a defect.
-STATUSES = ("solved", "out_of_reach", "not_converged", "refused")
+STATUSES = ("solved", "not_found", "refused")
 #: Outcomes that are defects.
 DEFECTS = ("traceback", "hang", "crash")
 #: Standard deviations of the noise on starts, over each variable's size.
@@ -111,20 +110,20 @@ def from_noisy_start(name: str, size: float, number: int) -> tuple[str, str]:
     rng = np.random.default_rng([SEED, number])
     # A target that moves counts where it is met: the time of arrival comes after the solve.
     target, releases = plan.target.changed(velocity=None, arrival=None), planner.releases()
-    task = Task(plan.scene.aimed_at(target), target, ("fatrop",))
-    index, goal, _ = starts(releases, task.scene, target, "exact", 1)[0]
-    given = release_start(planner.problems, task, releases, index, goal)
+    task = Task(plan.scene.aimed_at(target), target)
+    table = Starts(releases, task, planner.manipulator)
+    index, goal, _ = table.nearest[0]
+    exact = table.guess(index)
 
     def noisy(nlp: ThrowNlp) -> Array:
-        guess = given.guess(nlp)
+        guess = exact(nlp)
         return guess + size * np.maximum(np.abs(guess), 0.1) * rng.standard_normal(guess.size)
 
-    start = dataclasses.replace(given, guess=noisy, tries=1)
-    attempt = attempts(planner.problems, start, task)[0]
-    if attempt.throw is None or not attempt.solved:
-        return "failed", attempt.reason
+    found = attempt(planner.problems, Exact(goal, noisy), task, rounds=1)
+    if found.throw is None or not found.hits:
+        return "failed", ", ".join(found.broken) or "no motion keeps all constraints"
     broken = judge(
-        dataclasses.replace(plan, scene=task.scene, target=target, throw=attempt.throw)
+        dataclasses.replace(plan, scene=task.scene, target=target, throw=found.throw)
     ).broken
     return ("false" if broken else "true"), "; ".join(broken)
 

@@ -68,7 +68,6 @@ def write_summary(folder: Path, parts: Mapping[str, str]) -> None:
     for make, key in ((_throw, "example"), (_often, "reach"), (_robust, "robust")):
         blocks += _block(list(make(folder)), parts.get(key, ""))
     blocks += _block(list(_agree(folder)), parts.get("example", "") or parts.get("models", ""))
-    blocks += _block(list(_map(folder)), parts.get("edge", ""))
     blocks += _block(list(_steps(folder)), parts.get("models", ""))
     (folder / PAGE).write_text("\n\n".join([*blocks, LIMITS]), encoding="utf-8")
 
@@ -180,17 +179,6 @@ def _agree(folder: Path) -> Iterator[str]:
 def _apart(laws: Rows, law: str) -> float:
     """Largest distance [mm] of a law from the meshed patch."""
     return max(float(row["to the patch [mm]"]) for row in laws if row["law"] == law)
-
-
-def _map(folder: Path) -> Iterator[str]:
-    if (folder / "edge.png").exists():
-        yield "## What is in reach"
-        yield (
-            "Where the arm of the scene `pose` can throw to, and at which angles: targets that "
-            "were solved, and targets out of reach, each with the nearest landing that is "
-            "possible. `throwplan map SCENE` draws what is in reach of any scene."
-        )
-        yield '<img src="edge.png" width="640" alt="Targets in reach and out of reach">'
 
 
 def _steps(folder: Path) -> Iterator[str]:

@@ -175,16 +175,17 @@ There are two kinds of throw here: a short one from low down for near cups, a hi
 cups. Where a warm start from the one kind does not lead to a solved throw, `plan` searches from its
 table of sampled releases as if there had been none; that plan takes longer.
 
-## Out of reach
+## No throw found
 
-A plan always comes back, with a status. `out_of_reach` says what is possible nearest to the target,
-and which limits bind there.
+A plan always comes back, with a status. `not_found` says that the search found none; `nearest` is
+the throw that it found to land nearest, a plan of its own, and `binding` are the limits that hold
+it there.
 """
 
 # %%
-far = planner.plan(tp.Pose(x=3.0, z=0.22, theta=-math.pi / 2))
+far = planner.plan(tp.Pose(x=1.6, z=0.22, theta=-math.pi / 2))
 print(far.status, "-", far.message)
-nearest, binding = far.nearest, far.binding
+nearest, binding = far.nearest.target, far.binding
 
 # %% [markdown]
 """
@@ -267,7 +268,7 @@ Bars are drawn at even times from detach (yellow) to landing (violet); the red d
 beyond the CoM.
 
 If it does not matter how many turns it takes, `turns="any"` chooses. An angle between those does
-not fit through the rim, and the answer is the nearest angle that does.
+not fit through the rim, and the answer names the nearest throw that was found.
 """
 
 # %%

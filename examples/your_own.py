@@ -214,8 +214,8 @@ except tp.InputError as error:
 ## Plan, check, save
 
 `solved` means: the motion's 1 kHz samples were thrown by the exact model and land inside the
-tolerance, and no sample breaks a limit of the arm file. `binding` is empty then; where a target is
-out of reach it names the limits in the way.
+tolerance, and no sample breaks a limit of the arm file. `binding` is empty then; where no throw
+is found it has the limits that hold the nearest one.
 """
 
 # %%

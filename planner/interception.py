@@ -31,23 +31,19 @@ class InterceptionSettings:
     """Settings of the search for place and time of an interception.
 
     max_distance [m]: pose error of the nearest sampled landing above which no throw is planned.
-    reached_distance [m]: below it the target counts as in reach. max_times: most times that are
-    tried, at least `spacing` [s] apart. late_enough: a time is late enough if the fastest sampled
-    throw takes at most this share of it. max_speedup: a planned throw may be faster than that by
-    this factor. usual_time [s]: a throw takes longer only if it must; for later times the arm
-    waits. max_throws: most throws planned, each aimed at the target's place when the one before
-    lands. equal_ticks [samples]: times that differ by less are equal. slack [s]: after the earliest
-    arrival, in the first half of its window, for pads that open early. max_change [s]: of the time
-    from one throw to the next. max_miss [m]: largest way of the target between its time and the
-    landing.
+    max_times: most times that are tried, at least `spacing` [s] apart. late_enough: a time is late
+    enough if the fastest sampled throw takes at most this share of it. usual_time [s]: a throw
+    takes longer only if it must; for later times the arm waits. max_throws: most throws planned,
+    each aimed at the target's place when the one before lands. equal_ticks [samples]: times that
+    differ by less are equal. slack [s]: after the earliest arrival, in the first half of its
+    window, for pads that open early. max_change [s]: of the time from one throw to the next.
+    max_miss [m]: largest way of the target between its time and the landing.
     """
 
     max_distance: float = 0.12
-    reached_distance: float = 0.05
     max_times: int = 4
     spacing: float = 0.15
     late_enough: float = 0.9
-    max_speedup: float = 2.0
     usual_time: float = 1.0
     max_throws: int = 12
     equal_ticks: float = 1e-3
@@ -65,8 +61,8 @@ def intercept(
     """The plan whose object meets the target within its times of arrival.
 
     plan_at(pose, warm): the plan for a target at rest; releases: sampled throws. If the object
-    would land too early, the arm waits at rest for whole samples. If the target is out of reach
-    when the first throw would land, other times are tried: first those that leave sampled throws
+    would land too early, the arm waits at rest for whole samples. If none is found where the target
+    is when the first throw would land, other times are tried: first those that leave sampled throws
     most time.
     """
     if target.at_rest:
@@ -94,17 +90,8 @@ def intercept(
         found = _intercept_from(aim, plan_at, time)
         if found.solved and found.throw is not None:
             return _met(found, found.throw, found.target.changed(arrival=target.arrival))
-    begins_in_reach = sampled(0.0)[0] <= SETTINGS.reached_distance
-    fastest = min(shares.values(), default=math.inf)
-    if times and begins_in_reach and fastest > SETTINGS.max_speedup:
-        words = f"no throw found: it leaves the reach at {target.speed:g} m/s before a throw lands"
-        names = ("target velocity", *plan.binding)
-        return dataclasses.replace(plan, status="not_converged", message=words, binding=names)
-    if shares and plan.status == "out_of_reach":
-        # At another time the target may be in reach.
-        words = f"no throw found at {target.speed:g} m/s: out of reach where the first throw lands"
-        return dataclasses.replace(plan, status="not_converged", message=words)
-    return plan
+    # What is proven of one place of the target is not proven of others.
+    return dataclasses.replace(plan, bound=None)
 
 
 def _spread(shares: dict[float, float]) -> Iterator[float]:
@@ -139,7 +126,7 @@ def _intercept_from(
     least, most = (equal - 1.0, 1.0 - equal) if exact else (-equal, 2.0)
     for number in range(SETTINGS.max_throws):
         if number and is_beyond(time):
-            words = f"no throw found: it is out of reach at {time:.2f} s, when a throw would land"
+            words = f"no throw found: it is too far at {time:.2f} s, when a throw would land"
             break
         # A throw that lands too early is solved, too: the arm waits.
         plan = plan_at(target.at(time).changed(arrival=until), last)
@@ -159,7 +146,9 @@ def _intercept_from(
             change = late * (time - before[0]) / (before[1] - late)
         change = min(max(change, -SETTINGS.max_change), SETTINGS.max_change)
         before, time = (time, late), max(time + change, 0.0)
-    return dataclasses.replace(plan, target=target, status="not_converged", message=words)
+    return dataclasses.replace(
+        plan, target=target, status="not_found", message=words, throw=None, alternatives=()
+    )
 
 
 def _plan_of(plan: Plan, throw: PlannedThrow, target: Pose, wait: int) -> Plan:
@@ -178,9 +167,9 @@ def _met(plan: Plan, throw: PlannedThrow, target: Pose) -> Plan:
         plan,
         scene=final.scene,
         target=target,
-        status="solved" if judged.ok else "not_converged",
+        status="solved" if judged.ok else "not_found",
         message=plan.message if judged.ok else f"no throw found: {judged.words}",
-        throw=dataclasses.replace(throw, deciding=final),
+        throw=dataclasses.replace(throw, deciding=final) if judged.ok else None,
     )
 
 

@@ -18,31 +18,28 @@ from .clearance import check_obstacles
 from .follow import Response, Session
 from .interception import intercept
 from .library import Library, Turns
-from .planning import plan_from_warm, plan_throw
+from .planning import plan_throw
 from .reach import default_workers, grow
 from .resting import check_rest, most_resting
 from .result import Plan
 from .samples import Releases, ReleaseSampler, stored_releases
-from .search import Clock, NlpCache, SearchContext, Task, check_start, remaining_throw
+from .search import Budget, NlpCache, SearchContext, Task, check_start, remaining_throw
 from .sweep import Hardening, hardened, robust_scene
 from .throw import State, Throw, make_manipulator
 from .workers import Progress, executor_of
 
-SolverName = Literal["auto", "fatrop", "ipopt"]
+SolverName = Literal["fatrop", "ipopt"]
 
 #: Largest number of alternatives of a plan.
 MOST_ALTERNATIVES = 20
 #: Random states of the table of sampled releases.
 SAMPLES = 20_000
-#: Default patience [s] of a plan of one throw. A process's first answer that a target is out of
-#: reach takes up to 4 s, as nothing is machine code yet; on the slowest machine that we had, 10 s.
-PATIENCE = 10.0
+#: Default patience [s] of a plan of one throw: ten times what a search takes that finds none.
+PATIENCE = 30.0
 #: The same of a robust plan.
 ROBUST_PATIENCE = 6.0
 #: Patience [s] of the choice of the throw that stays.
 REST_PATIENCE = 5.0
-#: Default patience [s] of a plan with several throws.
-LONG_PATIENCE = 20.0
 #: Default number of throws of `prepare`.
 PREPARED = 5000
 #: Largest number of throws of `prepare`.
@@ -105,7 +102,7 @@ class Planner:
         self,
         target: Pose | None = None,
         *,
-        solver: SolverName = "auto",
+        solver: SolverName = "fatrop",
         turns: Turns = "exact",
         warm: Plan | None = None,
         alternatives: int = 0,
@@ -116,12 +113,12 @@ class Planner:
         """A throw to `target` (the scene's by default), with its status.
 
         Always returns; raises InputError only for wrong input. target: a `Pose` or a `Region`, or
-        an array of x, z [m] and theta [rad]. solver: 'auto' is FATROP, and IPOPT from a throw of an
-        earlier plan nearby and for a named robust method. turns: 'any' takes theta modulo full
+        an array of x, z [m] and theta [rad]. solver: of the NLPs; a throw of the library is moved
+        to the target with 'fatrop' only. turns: 'any' takes theta modulo full
         turns. warm: a solved plan of this scene for a target nearby. alternatives: number of
         further throws to look for, each different, for `Plan.alternatives`. robust: a method of
-        [robust], instead of the scene's. patience [s]: time limit, without building; by default 10
-        s, 20 s for several throws, 6 s for a robust one. start: a state of motion in which the
+        [robust], instead of the scene's. patience [s]: time limit, without building; by default 30
+        s, 6 s for a robust one. start: a state of motion in which the
         throw begins at its time 0, instead of the scene's start; `warm` is then a plan whose motion
         passes that state.
         """
@@ -141,11 +138,9 @@ class Planner:
         if start is not None and method:
             raise InputError("start: a robust plan begins at rest")
         wanted = self._wanted(alternatives)
-        solvers = ("fatrop", "ipopt") if solver == "auto" else (solver,)
-        several = LONG_PATIENCE if wanted > 1 else PATIENCE
-        usual = ROBUST_PATIENCE if method else several
-        clock = Clock.lasting(patience or usual)
-        task = Task(self.scene.aimed_at(target), target, solvers, clock, turns, wanted)
+        usual = ROBUST_PATIENCE if method else PATIENCE
+        budget = Budget.lasting(patience or usual)
+        task = Task(self.scene.aimed_at(target), target, solver, budget, turns, wanted)
         built, self._build_time = self._build_time, 0.0
         context, at_rest = self._context, start is None
         known = warm.throw if warm and self._is_own(warm, at_rest=at_rest) else None
@@ -163,17 +158,24 @@ class Planner:
             plan = self._hardened(plan, method, task)
         elif plan.solved and self.scene.rest is not None:
             plan = most_resting(context, task, plan, REST_PATIENCE if patience is None else None)
-        total, spent = time.perf_counter() - started + built, dict(clock.seconds)
+        total, spent = time.perf_counter() - started + built, dict(budget.seconds)
         spent["build"] += built
         rest = plan.alternatives[:alternatives]
-        return dataclasses.replace(plan, alternatives=rest, time={**spent, "total": total})
+        said = functools.partial(
+            dataclasses.replace,
+            starts=budget.counts["starts"],
+            iterations=budget.counts["iterations"],
+            time={**spent, "total": total},
+        )
+        nearest = None if plan.nearest is None else said(plan.nearest)
+        return said(plan, alternatives=rest, nearest=nearest)
 
     def _hardened(self, plan: Plan, method: str, task: Task) -> Plan:
         """The robust plan of a plan, or of other throws to the target; the plan itself if none."""
 
         def others() -> Plan:
             # Three more throws to start from, in 40 % of the time left.
-            several = dataclasses.replace(task, wanted=4, clock=task.clock.part(0.4))
+            several = dataclasses.replace(task, wanted=4, budget=task.budget.part(0.4))
             return plan_throw(self._context, several)
 
         return hardened(plan, Hardening(self._robust_problems, method, task), others)
@@ -202,27 +204,6 @@ class Planner:
         if not self._is_own(plan):
             raise InputError("follow: needs a solved plan of this planner's scene")
         return Session(self._in_motion.problems, plan, horizon, sent, response)
-
-    @_alone
-    def polish(self, plan: Plan) -> Plan:
-        """The plan at its optimum: solved again from its own throw.
-
-        A throw that was moved, from the library or after a target, costs more than its optimum.
-        Returns the plan itself if no cheaper one is found, if it is robust or not solved, and if
-        its target moves or has a time of arrival.
-        """
-        before = plan.throw
-        mine = plan.solved and self._is_own(plan) and plan.target.at_rest
-        if not mine or before is None:
-            return plan
-        target, started, clock = plan.target, time.perf_counter(), Clock.lasting(PATIENCE)
-        # The plan's own scene: its cup may stand elsewhere.
-        task = Task(plan.scene, target, ("fatrop",), clock)
-        better = plan_from_warm(self._context, task, before)
-        if better is None or better.throw is None or not better.throw.effort < before.effort:
-            return plan
-        total = time.perf_counter() - started
-        return dataclasses.replace(better, time={**clock.seconds, "total": total})
 
     @_alone
     def prepare(

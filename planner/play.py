@@ -130,7 +130,7 @@ class PlayPage:
             view.fade(not plan.solved)
             self._nearest.visible = plan.nearest is not None
             if plan.nearest is not None:
-                view.place(self._nearest, plan.nearest)
+                view.place(self._nearest, plan.nearest.target)
 
     def end(self) -> None:
         """Stop planning; a plan under way is not shown."""
@@ -140,12 +140,9 @@ class PlayPage:
 
 
 def first_plan(planner: Planner) -> Plan:
-    """The scene's throw; without one, the throw to the nearest possible landing."""
+    """The scene's throw; without one, the one that lands nearest."""
     plan = planner.plan()
-    if plan.solved or plan.nearest is None:
-        return plan
-    nearest = planner.plan(plan.nearest)
-    return nearest if nearest.solved else plan
+    return plan if plan.nearest is None else plan.nearest
 
 
 def plan_words(plan: Plan) -> str:

@@ -18,20 +18,7 @@ from .ocp import Refinement
 from .planning import solved_plan
 from .rest import entry_states, floor_of, load_mujoco, roll_to_rest
 from .result import Plan
-from .samples import starts
-from .search import (
-    Clock,
-    Entry,
-    History,
-    Search,
-    SearchContext,
-    Solve,
-    Start,
-    Task,
-    attempts,
-    guess_of,
-    release_start,
-)
+from .search import Budget, Exact, SearchContext, Starts, Task, attempt, guess_of
 from .uncertainty import RestingThrow
 
 
@@ -70,23 +57,26 @@ def most_resting(
     """
     if not plan.target.at_rest:
         return plan
-    clock = task.clock
+    budget = task.budget
     if patience is not None:
-        clock = replace(Clock.lasting(patience), seconds=clock.seconds)
+        own = Budget.lasting(patience)
+        budget = replace(own, seconds=budget.seconds, counts=budget.counts)
     best, throw, seen = plan, _resting(plan), [_landing(plan)]
     for other in plan.alternatives:
         seen.append(_landing(other))
         if (candidate := _resting(other)).is_better_than(throw):
             best, throw = other, candidate
-    search = Search(context, replace(task, target=plan.target, clock=clock))
-    for start in _starts(search, plan):
-        if clock.late or throw.stays.all():
+    task = replace(task, target=plan.target, budget=budget)
+    starts = Starts(context.table(), task, context.problems.manipulator).arriving
+    for start in _starts(starts, plan):
+        if budget.late or throw.stays.all():
             break
-        found = attempts(context.problems, start, search.task)
-        if not found or not found[-1].solved:
+        found = attempt(context.problems, start, task)
+        budget.counts["starts"] += 1
+        if not found.hits or found.throw is None:
             continue
-        other = solved_plan(search, History((Entry(Solve(start, "samples"), tuple(found)),)))
-        words = found[-1].throw.words(plan.target) if found[-1].throw else ""
+        words = found.throw.words(plan.target)
+        other = solved_plan(context, task, [found])
         other = replace(other, target=plan.target, message=words)
         if any(np.abs(_landing(other) - known).max() < SETTINGS.alike for known in seen):
             continue
@@ -125,33 +115,31 @@ def _resting(plan: Plan) -> RestingThrow:
     return RestingThrow(plan.throw.deciding)
 
 
-def _starts(search: Search, plan: Plan) -> Iterator[Start]:
+def _starts(starts: Starts, plan: Plan) -> Iterator[Exact]:
     """Starts from the plain throw, then from sampled releases, with prices of the landing speed."""
-    throw, task, problems = plan.throw, search.task, search.context.problems
+    throw, task = plan.throw, starts.task
     assert throw is not None
     landing = throw.deciding.landing.state
     price = throw.effort / (landing.v_x**2 + landing.v_z**2)
     refinements = [replace(throw.refinement, soft=share * price) for share in SETTINGS.prices]
     guess = guess_of(throw, task.scene)
     for refinement in refinements:
-        yield Start(task.target, guess, task.solvers[0], refinement, tries=4)
-    releases = search.candidates.arriving.releases
-    found = starts(releases, task.scene, task.target, task.turns, SETTINGS.nearest)
+        yield Exact(task.target, guess, refinement)
+    found = starts.nearest[: SETTINGS.nearest]
     if not found:
         return
     indices = np.array([index for index, *_ in found])
-    detach, goals = _moved(search, indices, [goal for _, goal, _ in found])
-    rests = _rests(search, np.repeat(detach, SETTINGS.trials, axis=0))
+    detach, goals = _moved(starts, indices, [goal for _, goal, _ in found])
+    rests = _rests(task.scene, np.repeat(detach, SETTINGS.trials, axis=0))
     shares = rests.reshape(len(found), -1).mean(axis=1)
     for k in np.argsort(-shares, kind="stable")[: SETTINGS.solved]:
-        start = release_start(problems, task, releases, int(indices[k]), goals[k])
-        yield replace(start, refinement=Refinement(soft=refinements[1].soft))
+        soft = Refinement(soft=refinements[1].soft)
+        yield Exact(goals[k], starts.guess(int(indices[k])), soft)
 
 
-def _moved(search: Search, indices: Indices, aims: Sequence[Pose]) -> tuple[Array, list[Pose]]:
+def _moved(starts: Starts, indices: Indices, aims: Sequence[Pose]) -> tuple[Array, list[Pose]]:
     """States at detach (N, 6) of releases, moved so that they land at their aims, and where."""
-    task, releases = search.task, search.candidates.arriving.releases
-    detach = releases.detach[indices].copy()
+    task, detach = starts.task, starts.releases.detach[indices].copy()
     # These flights begin as at the pads: without the bias of [calibration].
     landing = FlightLaw(task.scene.gravity).land(detach, task.target.z)
     goals = [
@@ -164,9 +152,9 @@ def _moved(search: Search, indices: Indices, aims: Sequence[Pose]) -> tuple[Arra
     return detach, goals
 
 
-def _rests(search: Search, detach: Array) -> Flags:
+def _rests(scene: Scene, detach: Array) -> Flags:
     """Flags (N,) of flights that come to rest at the wanted place, with contacts at random."""
-    scene, rng = search.task.scene, np.random.default_rng(SETTINGS.seed)
+    rng = np.random.default_rng(SETTINGS.seed)
     rest = scene.rest
     assert rest is not None
     detach = detach.copy()

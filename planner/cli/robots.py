@@ -16,7 +16,7 @@ from ..result import SentMotion, is_cycle
 from ..throw import TICK
 from ..verdict import outside_tolerance
 from .common import DONE, Add, add_out, integer, print_result, report_step, written
-from .saved_plans import add_plan, add_plan_or_cycle
+from .saved_plans import add_nearest, add_plan, add_plan_or_cycle, check_nearest
 
 #: Questions before a throw and its rehearsal, and before those of a cycle.
 QUESTIONS = (
@@ -45,6 +45,7 @@ def run_arguments(add: Add) -> None:
     add("--repeat", type=integer(1, 100), metavar="N", default=1, help=words)
     words = "send the motion corrected by this recording of the plan"
     add("--after", metavar="RUN.CSV", help=words)
+    add_nearest(add)
     words = "write run.csv there, or run1.csv, run2.csv, ... (default: out/run)"
     add("--out", metavar="DIR", default="out/run", help=words)
 
@@ -56,6 +57,7 @@ def run(options: argparse.Namespace) -> int:
     """
     if is_cycle(options.plan) and options.after is not None:
         raise InputError("--after: not with a cycle: it is not corrected by a recording")
+    check_nearest(options)
     plan = robot.joint_motion(options.plan)
     robot.check_motion(options.plan, plan)
     sent = plan

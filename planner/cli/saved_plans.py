@@ -15,6 +15,7 @@ from .. import robot
 from ..planner import Planner
 from ..play import PlayPage, first_plan
 from ..rest import load_mujoco
+from ..result import check_hits, is_cycle
 from ..show import Panel, empty_page, open_browser, run_panel, save_in_space, serving
 from .common import (
     DONE,
@@ -150,6 +151,18 @@ def replay(options: argparse.Namespace) -> int:
     return DONE
 
 
+def add_nearest(add: Add) -> None:
+    """The option `--nearest`."""
+    words = "also a throw that lands beside its target, as near as one was found"
+    add("--nearest", action="store_true", help=words)
+
+
+def check_nearest(options: argparse.Namespace) -> None:
+    """InputError for a plan of a throw that lands beside its target, without `--nearest`."""
+    if not options.nearest and not is_cycle(options.plan):
+        check_hits(options.plan)
+
+
 def export_arguments(add: Add) -> None:
     """The options of `export`."""
     add_plan_or_cycle(add)
@@ -159,6 +172,7 @@ def export_arguments(add: Add) -> None:
     add("--joint-names", nargs="+", metavar="NAME", help="names of all joints in ROS")
     words = "width [m] of the open gripper in its ROS command, at most 0.5 (default: 0.08)"
     add("--open-width", type=number(), metavar="M", help=words)
+    add_nearest(add)
 
 
 def export(options: argparse.Namespace) -> int:
@@ -166,6 +180,7 @@ def export(options: argparse.Namespace) -> int:
 
     example: throwplan export out/cup/plan.json --franka out/franka
     """
+    check_nearest(options)
     folders = {"franka": options.franka, "ros": options.ros}
     with Progress("writing the motion for controllers"):
         motion = robot.export(

@@ -117,10 +117,8 @@ def plan_arguments(add: Add) -> None:
     add_target(add)
     words = "exact: THETA_DEG counts full turns; any: it does not (default: exact)"
     add("--turns", choices=("exact", "any"), default="exact", help=words)
-    words = (
-        "auto (default): FATROP, and IPOPT from earlier throws and for a named method of --robust"
-    )
-    add("--solver", choices=("auto", "fatrop", "ipopt"), default="auto", help=words)
+    words = "of the nonlinear programs (default: fatrop)"
+    add("--solver", choices=("fatrop", "ipopt"), default="fatrop", help=words)
     add("--robust", choices=Robust.METHODS, help=ROBUST)
     words = "also list up to N different throws to the target"
     kind = integer(0, MOST_ALTERNATIVES)
@@ -224,7 +222,7 @@ def map_arguments(add: Add) -> None:
 
 
 def map_landings(options: argparse.Namespace) -> int:
-    """Show the reachable landing poses.
+    """Show to which landing poses sampled throws are found.
 
     example: throwplan map pose --out out/map
     """
@@ -236,7 +234,7 @@ def map_landings(options: argparse.Namespace) -> int:
     prepare_out(options, MAP_FILES)
     with Progress(scene.name) as progress:
         result = reach_map(scene, z, samples, progress=progress)
-    if not result.reachable:
+    if not result.found:
         if options.json:
             print_result(options, result.to_dict(), "")
         return fail(result.message)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...models import Array, ReadOnly
 from ..ocp import CondensedQp, ReducedVariables, Refinement, Request, Solution
-from ..search import Clock, NlpCache, condensed_at, initial_guess_from, remaining_trajectory
+from ..search import Budget, NlpCache, condensed_at, initial_guess_from, remaining_trajectory
 from ..throw import TICK, State, Throw
 
 
@@ -37,14 +37,14 @@ class RestOfSwing:
         cls, problems: NlpCache, throw: Throw, refinement: Refinement, first: int
     ) -> RestOfSwing | None:
         """The NLP about what is sent; None if its equations are singular there."""
-        sent, clock = throw.samples, Clock()
+        sent, budget = throw.samples, Budget()
         manipulator = problems.manipulator.from_state(
             State(sent.q[first], sent.dq[first], sent.ddq[first])
         )
         rest = remaining_trajectory(throw, TICK * first, manipulator)
         # The derivative of the landing is that of any target; an equation, not bounds.
         problems, goal = problems.from_state(manipulator), throw.target.middle
-        program = problems.problem(goal, refinement, "fatrop", clock)
+        program = problems.problem(goal, refinement, "fatrop", budget)
         near = rest.exact if program.nlp.linearised else None
         request = Request(throw.scene, manipulator, goal, refinement, reference=near)
         controls = ReducedVariables(request)

@@ -24,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...core.compile import DAMAGED, cache_folder, digest, publish
-from ...models import Array, Indices
+from ...models import Array
 from ...problems import Pose, Scene
 from ..ocp import Optimum, ReducedVariables, Request
 from ..throw import Manipulator
@@ -33,8 +33,8 @@ from .records import Records, are_valid, optimum_in, record_of, record_type
 #: Whether a landing angle counts its full turns ("exact") or not ("any").
 Turns = Literal["exact", "any"]
 #: Version of the records. Raise it where a field or a number of `ReducedVariables` gets another
-#: meaning, and where the reach grows: landings that no throw was found for are not tried again.
-FORMAT = 7
+#: meaning.
+FORMAT = 8
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,8 @@ class Neighbour:
 class Library:
     """The solved throws of a scene that the cache has.
 
-    records (N,): see `record_type`; folder: where they are stored, None for nowhere.
+    records (N,): see `record_type`; complete: whether they are all over the reach;
+    folder: where they are stored, None for nowhere.
     """
 
     def __init__(self, scene: Scene, manipulator: Manipulator, *, keep: bool = True) -> None:
@@ -84,23 +85,17 @@ class Library:
         self._take(np.concatenate([np.zeros(0, self._type), *self._parts.values()]))
 
     def __len__(self) -> int:
-        return len(self._solved)
+        return len(self.records)
 
     def _take(self, records: Records) -> None:
-        """Keeps one of several records of one landing: the cheapest throw that lands there; else of
-        the boundary the one that lands nearest to it."""
-        cost = records["effort"].astype(float)
-        short = np.flatnonzero(records["boundary"])
-        x, theta, _ = self._landings_of(records[short], self._height)
-        off, turn = np.array([x, theta]) - records["landing"][short].T
-        cost[short] = self._scene.object.pose_error(off, turn * self.angle)
-        order = np.lexsort((cost, ~records["boundary"], ~records["solved"]))
+        """Keeps of several throws to one landing the cheapest."""
+        self.complete = bool(records["end"].any())
+        records = records[~records["end"]]
+        order = np.argsort(records["effort"], kind="stable")
         places = np.ascontiguousarray(records["landing"][order]).view("<u8").ravel()
         _, first = np.unique(places, return_index=True)
         self.records = records if len(first) == len(records) else records[np.sort(order[first])]
-        self._solved = np.flatnonzero(self.records["solved"])
-        self._boundary = np.flatnonzero(self.records["boundary"])
-        self._landings = self._landings_of(self.records[self._solved], self._height)
+        self._landings = self._landings_of(self.records, self._height)
 
     def add(self, records: Sequence[Records]) -> None:
         """Adds records: to this object, and to the folder in one file."""
@@ -108,13 +103,13 @@ class Library:
             part = np.array(records, self._type)
             name, _ = write_file(self.folder, part)
             self._parts[name] = part
-            self._take(np.concatenate([self.records, part]))
+            self._take(np.concatenate([self.records, self._end, part]))
 
     def merge(self) -> None:
         """Makes one file of many, so that the next planner opens it sooner."""
         if len(self._parts) < 2 or self.folder is None:
             return
-        name, written = write_file(self.folder, self.records)
+        name, written = write_file(self.folder, np.concatenate([self.records, self._end]))
         if not written:
             return
         for part in self._parts.keys() - {name}:
@@ -122,22 +117,31 @@ class Library:
                 (self.folder / part).unlink()
         self._parts = {name: self.records}
 
-    def record(self, optimum: Optimum, landing: tuple[float, float], **kind: bool) -> Records:
-        """The record of a throw that lands there, or of a landing that none was found for.
+    @property
+    def _end(self) -> Records:
+        """The record of its end (1,), or none."""
+        return np.array([self.end] if self.complete else [], self._type)
 
-        kind: `solved` or `boundary`.
-        """
-        return record_of(self._type, optimum, landing, **kind)
+    @property
+    def end(self) -> Records:
+        """The record that the library has throws all over the reach."""
+        row = np.zeros((), self._type)
+        row["end"] = True
+        return row
+
+    def record(self, optimum: Optimum, landing: tuple[float, float]) -> Records:
+        """The record of a throw that lands there."""
+        return record_of(self._type, optimum, landing)
 
     def optimum(self, index: int) -> Optimum:
-        """The solved throw of that number."""
-        return optimum_in(self.records[self._solved[index]])
+        """The throw of that number."""
+        return optimum_in(self.records[index])
 
     def landings(self, height: float) -> Array:
-        """x [m], theta [rad], flight time [s] (3, N) of the solved throws at a height [m]."""
+        """x [m], theta [rad], flight time [s] (3, N) of the throws at a height [m]."""
         if height == self._height:
             return self._landings
-        return self._landings_of(self.records[self._solved], height)
+        return self._landings_of(self.records, height)
 
     def _landings_of(self, records: Records, height: float) -> Array:
         return self._scene.flight.land(records["detach"].astype(float), height).T.copy()
@@ -145,28 +149,17 @@ class Library:
     def nearest_throws(
         self, target: Pose, turns: Turns, count: int, within: float
     ) -> Iterator[Neighbour]:
-        """At most `count` solved throws with a pose error below `within` [m], nearest first."""
-        landings = self.landings(target.z)
-        return self._nearest(self._solved, landings, target, turns, count, within)
-
-    def nearest_of_boundary(self, target: Pose, turns: Turns, count: int) -> Iterator[Neighbour]:
-        """As `nearest_throws`, of the throws on the boundary of the reach, however far."""
-        landings = self._landings_of(self.records[self._boundary], target.z)
-        return self._nearest(self._boundary, landings, target, turns, count, math.inf)
-
-    def _nearest(
-        self, rows: Indices, landings: Array, target: Pose, turns: Turns, count: int, within: float
-    ) -> Iterator[Neighbour]:
-        """Of the records of numbers `rows` (N,) with their landings (3, N), the nearest."""
+        """At most `count` throws with a pose error below `within` [m], nearest first."""
         if (target.theta is not None) != self.angle:
             return
+        landings = self.landings(target.z)
         # Of the throws that land in a region, the cheapest come first.
-        cost = self.records["effort"][rows] if target.is_region else None
+        cost = self.records["effort"] if target.is_region else None
         for i, goal, away in nearest_landings(self._scene, target, turns, landings, count, cost):
             if not away < within:
                 return
             landing = float(landings[0, i]), float(landings[1, i])
-            yield Neighbour(optimum_in(self.records[rows[i]]), goal, landing, away)
+            yield Neighbour(self.optimum(i), goal, landing, away)
 
 
 def nearest_landings(

@@ -19,10 +19,8 @@ Records = npt.NDArray[Any]
 FARTHEST = 1e4
 #: Largest margin [m; share] of a record.
 WIDEST = 1.0
-#: Lengths [bytes] of a record's texts (guards, margins) and of a limit's name.
-TEXT, NAME = 128, 32
-#: Number of binding limits that a record names.
-LIMITS = 4
+#: Length [bytes] of a record's texts (guards, margins).
+TEXT = 128
 #: Fields of a record that are finite numbers.
 NUMBERS = ("landing", "u", "slope", "detach", "effort", "smoothing")
 
@@ -30,15 +28,12 @@ NUMBERS = ("landing", "u", "slope", "detach", "effort", "smoothing")
 def record_type(controls: ReducedVariables, angle: bool) -> np.dtype[Any]:
     """The fields of a record, those of `Optimum` in single precision.
 
-    solved: the record is a throw that lands at landing (x [m], theta [rad]). Else the library's
-    growth found no throw that lands there. boundary: the record is the throw that limits let come
-    nearest to the landing; it lands beside it and breaks nothing, and throws from several starts
-    ended so near. A record that is neither has the numbers of the throw that was tried first.
+    landing: x [m], theta [rad]. end: the record is no throw, but says that the library has
+    throws all over the reach.
     """
     f, u = "<f4", controls.size
     fields: list[Any] = [
-        ("solved", "?"),
-        ("boundary", "?"),
+        ("end", "?"),
         ("landing", f, 2),
         ("u", f, u),
         ("slope", f, (u, 2 if angle else 1)),
@@ -48,29 +43,18 @@ def record_type(controls: ReducedVariables, angle: bool) -> np.dtype[Any]:
         ("nlp_size", "<i4", 2),
         ("guards", f"S{TEXT}"),
         ("margins", f"S{TEXT}"),
-        ("binding", f"S{NAME}", LIMITS),
     ]
     return np.dtype(fields)
 
 
-def record_of(
-    kind: np.dtype[Any],
-    optimum: Optimum,
-    landing: tuple[float, float],
-    *,
-    solved: bool = False,
-    boundary: bool = False,
-) -> Records:
-    """The record () of a throw that lands at `landing`, or of a landing that none was found for."""
+def record_of(kind: np.dtype[Any], optimum: Optimum, landing: tuple[float, float]) -> Records:
+    """The record () of a throw that lands at `landing`."""
     row = np.zeros((), kind)
-    row["solved"], row["boundary"], row["landing"] = solved, boundary, landing
+    row["landing"] = landing
     for name in ("u", "slope", "detach", "effort", "smoothing", "nlp_size"):
         row[name] = getattr(optimum, name)
     row["guards"] = " ".join(sorted(optimum.refinement.lazy)).encode()
     row["margins"] = _margins_text(optimum.refinement.margins)
-    row["binding"][: len(optimum.binding)] = [
-        name.encode()[:NAME] for name in optimum.binding[:LIMITS]
-    ]
     return row
 
 
@@ -84,23 +68,23 @@ def optimum_in(row: np.void) -> Optimum:
         (int(row["nlp_size"][0]), int(row["nlp_size"][1])),
         (float(row["smoothing"][0]), float(row["smoothing"][1])),
         _refinement(row["guards"], row["margins"]),
-        tuple(_text(name) for name in row["binding"] if name),
     )
 
 
 def are_valid(records: Records, controls: ReducedVariables) -> Flags:
     """Which records (N,) have numbers in range and readable texts."""
     numbers = [records[name].reshape(len(records), -1) for name in NUMBERS]
-    good = np.isfinite(np.hstack(numbers)).all(axis=1) & (records["effort"] > 0)
+    good = np.isfinite(np.hstack(numbers)).all(axis=1)
+    good &= (records["effort"] > 0) | records["end"]
     for name in ("landing", "detach"):
         good &= (np.abs(records[name]) < FARTHEST).all(axis=1)
-    good &= (records["nlp_size"] > 0).all(axis=1)
-    for name, read in (("guards", _guards), ("margins", _margins), ("binding", _text)):
+    good &= (records["nlp_size"] > 0).all(axis=1) | records["end"]
+    for name, read in (("guards", _guards), ("margins", _margins)):
         texts = records[name].reshape(len(records), -1)
         wrong = {text for text in set(texts.ravel().tolist()) if not _is_readable(read, text)}
         if wrong:
             good &= [wrong.isdisjoint(row) for row in texts.tolist()]
-    good[good] &= controls.near_bounds(records["u"][good].astype(float))
+    good[good] &= controls.near_bounds(records["u"][good].astype(float)) | records["end"][good]
     return np.asarray(good)
 
 

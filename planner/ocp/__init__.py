@@ -22,5 +22,5 @@ from .request import (
 from .scene_constraint import BRAKE_SHARE
 from .solver import Solution, Solver, TimeLimitError, WarmStart, processor_time, run_limited
 from .stages import Block, Layout
-from .terms.landing import CUP_MARGIN, lower_end
+from .terms.landing import CUP_MARGINS, lower_end
 from .terms.workspace import PASSING_MARGIN

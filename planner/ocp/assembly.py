@@ -22,6 +22,10 @@ from ...models import Array
 from .stage_functions import Shared, StageFunctions, substitute_lifted
 from .stages import Block, Layout, Parameters, Stage, Structure
 
+#: Largest multiplier in the Lagrangian's Hessian; those of solutions are far below. From larger
+#: ones FATROP 1.1 finds no regularisation at which a factorisation succeeds, and never returns.
+MOST_MULTIPLIER = 1e8
+
 
 @dataclass(frozen=True)
 class Link:
@@ -149,10 +153,11 @@ def nlp_functions(nlp: Nlp, solver: str) -> dict[str, ca.Function]:
     """The functions of a solver plug-in, by its names; they replace those it derives itself."""
     x, p, ahead = nlp.x, nlp.p, _ahead(nlp.links)
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.size[1])
+    bounded = ca.fmin(ca.fmax(lam_g, -MOST_MULTIPLIER), MOST_MULTIPLIER)
     costs, jacobians, lagrangians = list[ca.MX](), list[Any](), list[Any]()
     for link in nlp.links:
         arguments = link.arguments(x, p)
-        multipliers = ca.vertcat(lam_f, lam_g[link.gap.start : link.rows.stop])
+        multipliers = ca.vertcat(lam_f, bounded[link.gap.start : link.rows.stop])
         code = link.functions.code
         costs.append(code["cost_gradient"](*arguments))
         jacobians.append(code["jacobian"](*arguments))

@@ -30,6 +30,8 @@ INSTANTS = (2, 8)
 BINDING_SHARE = 0.02
 #: A variable's bound binds only within this distance, in the variable's unit.
 BINDING_DISTANCE = 1e-4
+#: A limit is broken by more than this, in the unit of its row.
+BROKEN = 1e-3
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,14 @@ class ThrowNlp(Nlp):
         binding = [name for name, multiplier in multipliers.items() if multiplier > least]
         return tuple(sorted(binding, key=lambda name: -multipliers[name]))
 
+    def broken_limit(self, g: Array) -> str:
+        """Name of the limit that a point with the rows' values g (m,) breaks most; empty if it
+        keeps all of them."""
+        over = np.maximum(self.lbg - g, g - self.ubg)
+        over[self.lbg >= self.ubg] = 0.0
+        worst = int(np.nan_to_num(over).argmax())
+        return self.row_names[worst] if over[worst] > BROKEN else ""
+
 
 def build_nlp(request: Request, shared: Shared | None = None) -> ThrowNlp:
     """The NLP of a request; it serves all requests of its structure.
@@ -238,5 +248,5 @@ def _common_values(request: Request) -> dict[str, Any]:
         "half_width_x": target.half_widths[0],
         "half_width_theta": target.half_widths[1],
         "price_x": request.elastic,
-        "price_theta": request.elastic * request.turning * scene.object.half_length,
+        "price_theta": request.elastic * scene.object.half_length,
     }

@@ -40,6 +40,7 @@ def variable_bounds(request: Request) -> dict[str, tuple[Any, Any]]:
     # The opening command follows the start, and precedes the opening by dwell and mean delay.
     command = scene.gripper.profile().dwell + scene.mean_delay + request.nodes[0]
     control = limits.ddq if limits.jerk is None else limits.jerk / JERK_UNIT
+    control = control * (1.0 - request.refinement.margins["torque rate"])
     return {
         "q": (limits.q_min, limits.q_max),
         "dq": (-limits.dq, limits.dq),

@@ -132,8 +132,7 @@ class Optimum(ReadOnly):
     u (size,): see `ReducedVariables`. slope (size, 2; 1 with theta open): du / d(landing x [m],
     theta [rad]), see `CondensedQp.slope`. detach (6,): CoM pose and twist by the deciding model.
     effort: cost of the NLP. smoothing: its landing (x [m], theta [rad]) less the exact landing of
-    the planned motion. refinement, nlp_size: of its NLP. binding: limits that bind, strongest
-    first.
+    the planned motion. refinement, nlp_size: of its NLP.
     """
 
     u: Array
@@ -143,7 +142,6 @@ class Optimum(ReadOnly):
     nlp_size: tuple[int, int]
     smoothing: tuple[float, float]
     refinement: Refinement = BASE
-    binding: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ import numpy as np
 
 from ...models import Array
 from ...problems import Mesh, Pose, Scene, Uncertainty
-from ..clearance import BAR
 from ..throw import Manipulator, Throw, friction_use
 from ..verdict import FLYING, Code, Finding, Verdict
 
@@ -25,8 +24,6 @@ from ..verdict import FLYING, Code, Finding, Verdict
 LazyConstraint = str
 #: Times after detach [s] at which "flight" constrains bar and hand's body.
 PALM_TIMES = (0.01, 0.02, 0.03, 0.045, 0.06, 0.075, 0.09, 0.11, 0.13, 0.15, 0.18, 0.21, 0.25)
-#: A larger margin is tried before more instants if the held bar penetrates by less than this [m].
-SHALLOW = 0.015
 
 
 @dataclass(frozen=True)
@@ -49,60 +46,55 @@ PALM = Margin("palm", extra=0.002, maximum=0.05, largest=0.01)
 CUP = Margin("cup", extra=2e-4, maximum=0.005)
 CLEAR = Margin("clear", extra=0.003, maximum=0.05, largest=0.005)
 TORQUE = Margin("torque", extra=0.04, maximum=0.3)
+TORQUE_RATE = Margin("torque rate", extra=0.02, maximum=0.5)
 SLOWING = Margin("slowing", extra=0.005, maximum=0.3)
 TOOL_SPEED = Margin("tool speed", extra=0.001, maximum=0.2)
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """The change of an NLP that removes a finding.
+    """The change of an NLP that removes a finding: the next of its lazy constraints, or a body that
+    keeps clear of obstacles; where the NLP has these, or needs none, a larger margin."""
 
-    lazy: the constraint to add, "" for none. escalation: the constraint to add, in place of `lazy`,
-    if the NLP has that already. margin: enlarged if there is nothing to add, or first if the
-    violation is shallow and every NLP has the constraint at its nodes (`at_nodes`). body: gets
-    obstacle constraints.
-    """
-
-    lazy: LazyConstraint = ""
-    margin: Margin | None = None
-    at_nodes: bool = False
-    escalation: LazyConstraint = ""
+    lazy: tuple[LazyConstraint, ...] = ()
     body: str = ""
+    margin: Margin | None = None
 
 
 def _remedy_for(finding: Finding, throw: Throw) -> Remedy | None:
     """The remedy for a finding of a throw; None if an NLP has none."""
     match finding.code:
         case Code.SLIP_BEFORE_OPENING:
-            return Remedy("carry")
+            return Remedy(("carry",))
         case Code.JOINT_VELOCITY if throw.manipulator.planning.slowing is not None:
             return Remedy(margin=SLOWING)
         case Code.TOOL_SPEED:
             return Remedy(margin=TOOL_SPEED)
         case Code.TORQUE:
             # With a section [torque] every NLP has the constraint.
-            return Remedy("torque" if throw.scene.torque is None else "", TORQUE)
-        case Code.FLOOR:
-            return Remedy("carry", HELD, at_nodes=finding.body == BAR)
+            return Remedy(("torque",) if throw.scene.torque is None else (), margin=TORQUE)
+        case Code.TORQUE_RATE:
+            # Of the jerks, which are its largest part.
+            return Remedy(margin=TORQUE_RATE)
         case Code.COLUMN if finding.body == FLYING:
-            return Remedy("passing", PASSING)
-        case Code.COLUMN:
-            return Remedy("carry", HELD, at_nodes=True)
+            return Remedy(("passing",), margin=PASSING)
+        case Code.FLOOR | Code.COLUMN:
+            return Remedy(("carry",), margin=HELD)
         case Code.PALM:
             assert finding.time is not None
             early = finding.time - throw.detach_time <= PALM_TIMES[-1]
-            return Remedy("flight", PALM, escalation="return") if early else Remedy("return", PALM)
+            return Remedy(("flight", "return") if early else ("return",), margin=PALM)
         case Code.CUP_WALL:
-            return Remedy("flight", CUP)
+            return Remedy(("flight",), margin=CUP)
         case Code.COLLISION:
-            return Remedy(margin=CLEAR, body=finding.body)
+            return Remedy(body=finding.body, margin=CLEAR)
     return None
 
 
 def _violation(finding: Finding, margin: Margin) -> float:
     """The amount by which a finding breaks its limit, in the unit of the margin."""
     match finding.code:
-        case Code.TOOL_SPEED:
+        case Code.TOOL_SPEED | Code.TORQUE_RATE:
             return finding.value / finding.limit - 1.0
         case Code.TORQUE | Code.JOINT_VELOCITY:
             return finding.value - finding.limit
@@ -140,45 +132,26 @@ class Refinement:
     bodies: frozenset[str] = frozenset()
     soft: float = 0.0
 
-    @property
-    def costly(self) -> bool:
-        """Whether it has constraints at many instants: a solve takes twice the time."""
-        return bool(self.lazy & {"carry", "return"})
-
     def refined(self, verdict: Verdict, throw: Throw) -> Refinement:
-        """This with the remedies for a throw's findings; equal to this without a remedy."""
-        remedies = [(one, cure) for one in verdict.broken if (cure := _remedy_for(one, throw))]
-        added: set[LazyConstraint] = set()
-        violations: dict[Margin, float] = {}
-        for finding, remedy in remedies:
-            lazy = remedy.escalation or remedy.lazy
-            has = remedy.body in self.bodies if remedy.body else lazy in self.lazy
-            if remedy.margin is not None:
-                violation, margin = _violation(finding, remedy.margin), remedy.margin
-                shallow = remedy.at_nodes and self.margins[margin.name] + violation < SHALLOW
-                if has or shallow or not (remedy.lazy or remedy.body):
-                    violations[margin] = max(violations.get(margin, 0.0), violation)
-                    continue
-            if remedy.lazy:
-                added.add(remedy.lazy)
-        larger = {
-            margin.name: min(self.margins[margin.name] + violation + margin.extra, margin.maximum)
-            for margin, violation in violations.items()
-        }
-        if added <= self.lazy:
-            added = {remedy.escalation for _, remedy in remedies if remedy.escalation}
-        bodies = {remedy.body for _, remedy in remedies if remedy.body}
-        return replace(
-            self,
-            lazy=self.lazy | added,
-            margins=self.margins.replace(**larger),
-            bodies=self.bodies | bodies,
-        )
+        """This with the remedies for a throw's findings; equal to this without a remedy.
 
-    @property
-    def for_other_motion(self) -> Refinement:
-        """This without the margin to obstacles, which belongs to one motion."""
-        return replace(self, margins=self.margins.replace(clear=0.0))
+        Each broken limit gets its constraint; if that is in, its margin grows by the violation.
+        """
+        lazy, bodies, larger = set(self.lazy), set(self.bodies), dict[str, float]()
+        for finding in verdict.broken:
+            cure = _remedy_for(finding, throw)
+            if cure is None:
+                continue
+            if further := [name for name in cure.lazy if name not in self.lazy]:
+                lazy.add(further[0])
+            elif cure.body and cure.body not in self.bodies:
+                bodies.add(cure.body)
+            elif (margin := cure.margin) is not None:
+                wider = self.margins[margin.name] + _violation(finding, margin) + margin.extra
+                wider = min(wider, margin.maximum)
+                larger[margin.name] = max(larger.get(margin.name, 0.0), wider)
+        margins = self.margins.replace(**larger)
+        return replace(self, lazy=frozenset(lazy), margins=margins, bodies=frozenset(bodies))
 
 
 #: No lazy constraint, usual margins.
@@ -302,10 +275,9 @@ class Request:
     """A throw of a scene to a target, for an NLP (target None: for its window and nodes alone).
 
     robust: the method of a robust plan, empty for none. elastic: price [1/m] of the pose error with
-    which the landing may miss the target; 0: it may not. turning: what the angle's share costs more
-    than that. start_angle [rad]: of the landing at the start of an elastic solve, which tells the
-    end of the bar that enters a cup. reference: the throw at the start of a solve; obstacles are
-    linearised about it.
+    which the landing may miss the target; 0: it may not. start_angle [rad]: of the landing at the
+    start of an elastic solve, which tells the end of the bar that enters a cup. reference: the
+    throw at the start of a solve; obstacles are linearised about it.
     """
 
     scene: Scene
@@ -314,7 +286,6 @@ class Request:
     refinement: Refinement = BASE
     robust: str = ""
     elastic: float = 0.0
-    turning: float = 1.0
     start_angle: float | None = None
     reference: Throw | None = None
 

@@ -46,15 +46,13 @@ class CallLimits:
     """Limits at which a call of a solver is skipped or given up.
 
     max_derivative: of a constraint at the start. Above about 3e6 FATROP 1.1 may repeat one
-    factorisation without end; usual starts are below 500. fatrop_time [s], evaluations: processor
-    time of a FATROP call, plus that of this many evaluations of the constraints' Jacobian; 150
-    iterations take a thousand. max_time [s]: of any call, in wall time. poll_interval [s]: shortest
-    time between two readings of a thread's clock.
+    factorisation without end; usual starts are below 500. fatrop_time [s]: processor time of a
+    FATROP call; those that end take a tenth of it at most. max_time [s]: of any call, in wall time.
+    poll_interval [s]: shortest time between two readings of a thread's clock.
     """
 
     max_derivative: float = 1e5
-    fatrop_time: float = 0.2
-    evaluations: int = 2000
+    fatrop_time: float = 5.0
     max_time: float = 60.0
     poll_interval: float = 0.01
 
@@ -178,7 +176,6 @@ class Solver:
         self.name = name
         self._kinds = nlp.kinds
         self._plugins: dict[Barrier, ca.Function] = {}
-        self._evaluation = np.inf
         self._make_functions()
 
     @interrupts_deferred()
@@ -232,8 +229,6 @@ class Solver:
         if self.name == "ipopt":
             plugin = self._plugin(barrier, {"sb": "yes", "max_wall_time": max(seconds, 1e-3)})
             return dict(plugin(**arguments)), plugin.stats()
-        if not np.isfinite(self._evaluation):
-            self._max_derivative(arguments["x0"], arguments["p"])
         if barrier not in self._plugins:
             # Largest distance by which the solver moves a warm point off its active bounds.
             push = dict.fromkeys(("bound_push", "bound_frac"), barrier.mu_init)
@@ -241,9 +236,9 @@ class Solver:
                 barrier, {} if barrier == COLD["fatrop"] else push
             )
         plugin = self._plugins[barrier]
-        limit = LIMITS.fatrop_time + LIMITS.evaluations * self._evaluation
         try:
-            return run_limited(lambda: dict(plugin(**arguments)), limit, seconds), plugin.stats()
+            found = run_limited(lambda: dict(plugin(**arguments)), LIMITS.fatrop_time, seconds)
+            return found, plugin.stats()
         except BaseException:
             # The plug-in's memory is the lost thread's.
             self._plugins.clear()
@@ -299,8 +294,6 @@ class Solver:
         self._plugins.clear()
 
     def _max_derivative(self, x: Array, parameters: Array) -> float:
-        """Largest derivative of a constraint at x; measures the time of its evaluation."""
-        start = time.thread_time()
+        """Largest derivative of a constraint at x."""
         entries = self._functions["nlp_jac_g"](x, parameters)[1].nonzeros()
-        self._evaluation = min(self._evaluation, time.thread_time() - start)
         return float(np.max(np.abs(entries), initial=0.0))

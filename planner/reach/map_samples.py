@@ -20,7 +20,7 @@ from ...problems import Scene, checked
 from ...problems.scene_files import as_scene
 from ..clearance import held_bar, lowest_of_bar, palm_corners
 from ..library import Library
-from ..ocp import CUP_MARGIN, FLIGHT_MAX, PASSING_MARGIN
+from ..ocp import CUP_MARGINS, FLIGHT_MAX, PASSING_MARGIN
 from ..samples import Releases, ReleaseSampler, flies_past_column, highest, joined, run_up
 from ..search import check_start
 from ..throw import Limits, Manipulator, make_manipulator, outline
@@ -72,10 +72,10 @@ def reach_map(
         landed = np.isfinite(time) & (time <= FLIGHT_MAX)
         down += int(landed.sum())
         if not down:
-            rise = max(rise, highest(drawn, height, scene.flight)[1:])
+            rise = max(rise, highest(drawn, height, scene.flight))
         thrown, x, theta, time = drawn.picked(landed), x[landed], theta[landed], time[landed]
         good = allowed(scene, manipulator, thrown, time)
-        good &= lands_well(aimed, thrown.detach, np.column_stack([x, theta, time]), CUP_MARGIN)
+        good &= lands_well(aimed, thrown.detach, np.column_stack([x, theta, time]), CUP_MARGINS[0])
         thrown = thrown.picked(good)
         rest = margins(scene, manipulator, thrown), cells_of(manipulator, thrown)
         parts.append((x[good], theta[good], *rest))
@@ -86,15 +86,9 @@ def reach_map(
     empty = ReachMap(scene, height, samples, x=x, theta=theta)
     library = Library(scene, manipulator)
     if len(library):
-        # Places out of reach are of the height that the library was made for.
         landings = library.landings(height)[:2]
-        beyond = library.records[library.records["boundary"] & (height == scene.aim.z)]
-        empty = dataclasses.replace(
-            empty,
-            solved=landings[:, np.isfinite(landings).all(axis=0)],
-            beyond=beyond["landing"].T.astype(float),
-            binding=tuple(name.decode() for name in beyond["binding"][:, 0]),
-        )
+        solved = landings[:, np.isfinite(landings).all(axis=0)]
+        empty = dataclasses.replace(empty, solved=solved)
     if not x.size:
         return dataclasses.replace(empty, message=_why_nothing(height, down, rise))
     return _binned(empty, margin, cells)

@@ -6,7 +6,6 @@ places in such bins. Sampling may have missed an empty bin next to full ones.
 
 from __future__ import annotations
 
-import collections
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -47,9 +46,8 @@ class ReachMap(ReadOnly):
     cells of a grid over coordinates and rates, 0.15 of each range wide, so neighbours
     across a cell's border count as two); margin, the best 1 - (largest use of velocity,
     acceleration, position range and grip), NaN without a landing. x, theta (N,): the
-    landings. solved (2, S), beyond (2, B): x and theta of the throws of the scene's library, and
-    of the places that it found to be out of reach, with the limits (B,) that bind there; empty
-    without one. message: why no pose is in reach, empty if one is.
+    landings. solved (2, S): x and theta of the throws of the scene's library. message: why no pose
+    was found, empty if one was.
     """
 
     scene: Scene
@@ -63,23 +61,21 @@ class ReachMap(ReadOnly):
     x: Array = field(default_factory=lambda: np.empty(0))
     theta: Array = field(default_factory=lambda: np.empty(0))
     solved: Array = field(default_factory=lambda: np.zeros((2, 0)))
-    beyond: Array = field(default_factory=lambda: np.zeros((2, 0)))
-    binding: tuple[str, ...] = ()
     message: str = ""
 
     def __repr__(self) -> str:
         """One line instead of the arrays."""
-        return f"ReachMap({self.scene.name}: {self.reachable:,} bins in reach at z {self.z:g} m)"
+        return f"ReachMap({self.scene.name}: {self.found:,} bins found at z {self.z:g} m)"
 
     @property
-    def reachable(self) -> int:
+    def found(self) -> int:
         """Number of bins with a landing."""
         return int(np.count_nonzero(self.landings))
 
     @property
     def widths(self) -> tuple[float, float | None]:
         """Width of the bins [m, rad]; None where theta is open."""
-        if not self.reachable:
+        if not self.found:
             return WIDTHS[0][0], None
         theta = self.theta_edges
         angle = None if theta is None else float(theta[1] - theta[0])
@@ -108,7 +104,7 @@ class ReachMap(ReadOnly):
         Infinite without a landing. Theta does not count where it is open or None.
         """
         _check_landing(x, theta)
-        if not self.reachable:
+        if not self.found:
             return math.inf
         turn: Array | float = 0.0
         if theta is not None and self.theta_edges is not None:
@@ -117,12 +113,12 @@ class ReachMap(ReadOnly):
 
     def to_dict(self, file: Path | None = None) -> dict[str, Any]:
         """The JSON object of `throwplan map`; a message is in it only if nothing is in reach."""
-        nothing = not self.reachable
+        nothing = not self.found
         free = nothing or self.theta_edges is None
         answer = {
             "scene": self.scene.name,
             "z": self.z,
-            "reachable": self.reachable,
+            "found": self.found,
             "x": None if nothing else [float(self.x.min()), float(self.x.max())],
             "theta": None if free else [float(self.theta.min()), float(self.theta.max())],
             "file": None if file is None else str(file),
@@ -142,22 +138,17 @@ class ReachMap(ReadOnly):
         best = 100 * float(np.nanmax(self.margin))
         return (
             f"{self.scene.name}: at z {self.z:g} m {self.x.size:,} of {self.samples:,} sampled "
-            f"throws land in {self.reachable:,} bins of {size}\n"
+            f"throws land in {self.found:,} bins of {size}\n"
             f"  {ranges}, sampled: a plan may reach farther; the best throw keeps {best:.0f} % of "
             "every limit free\n"
             f"  {self._target_words()}{self._library_words()}"
         )
 
     def _library_words(self) -> str:
-        """Numbers of solved throws and unreachable places in the library; empty without one."""
+        """Number of solved throws in the library; empty without one."""
         if not self.solved.size:
             return ""
-        most = [name for name, _ in collections.Counter(self.binding).most_common(3)]
-        words = f"\n  library: {self.solved.shape[1]:,} solved throws"
-        if self.beyond.size:
-            words += f", {self.beyond.shape[1]:,} places out of reach, most of them by "
-            words += ", ".join(most)
-        return words
+        return f"\n  library: {self.solved.shape[1]:,} solved throws"
 
     def _target_words(self) -> str:
         """Whether the scene's target is in reach."""
@@ -171,13 +162,13 @@ class ReachMap(ReadOnly):
         if where is None or not self.landings[where]:
             away = self.distance(x, theta)
             return (
-                f"{words}: no sampled throw lands there, the nearest has a pose error of "
+                f"{words}: not found, the nearest sampled throw has a pose error of "
                 f"{1e3 * away:.0f} mm; a plan may still find one"
             )
         count, margin = self.solutions[where], 100 * self.margin[where]
         different = "1 throw lands" if count == 1 else f"{count:,} different throws land"
         free = f"the best keeps {margin:.0f} % of every limit free"
-        return f"{words}: in reach, {different} near it, {free}"
+        return f"{words}: found, {different} near it, {free}"
 
     def save(self, folder: str | Path) -> Path:
         """Write map.png and map.npz, all or nothing; returns the path of map.npz.
@@ -185,7 +176,7 @@ class ReachMap(ReadOnly):
         map.npz has x_edges, theta_edges (empty where theta is open), landings, solutions,
         margin, x and theta as in this class, and z [m] and samples as scalars.
         """
-        if not self.reachable:
+        if not self.found:
             raise InputError(f"{self.scene.place}: nothing to save, {self.message}")
         with filling(Path(folder), MAP_FILES) as scratch:
             draw_map(self, scratch / "map.png")
@@ -230,9 +221,9 @@ def _title(found: ReachMap) -> str:
     size = f"{100 * wide:g} cm" + ("" if angle is None else f" × {math.degrees(angle):g}°")
     cup = ", with the cup there" if found.scene.cup is not None else ""
     return (
-        f"{found.scene.name}: landing poses in reach at z = {found.z:g} m{cup}\n"
+        f"{found.scene.name}: landing poses found at z = {found.z:g} m{cup}\n"
         f"{found.x.size:,} landings of {found.samples:,} sampled states, bins of {size}; "
-        "blank: not hit"
+        "blank: not found"
     )
 
 
@@ -286,14 +277,11 @@ def _contours(axes: Axes, found: ReachMap, theta: Array) -> None:
 
 
 def _mark_library(axes: Axes, found: ReachMap) -> None:
-    """The library's throws, and the places that it found to be out of reach."""
-    dots: dict[str, Any] = {"s": 3, "lw": 0, "zorder": 3, "rasterized": True}
-    for (x, theta), colour, label in (
-        (found.solved, BLACK, "solved throws of the library"),
-        (found.beyond, RED, "found to be out of reach"),
-    ):
-        if x.size:
-            axes.scatter(x, np.degrees(theta), color=colour, label=label, **dots)
+    """The library's throws."""
+    if found.solved.size:
+        x, theta = found.solved
+        dots: dict[str, Any] = {"s": 3, "lw": 0, "zorder": 3, "rasterized": True, "color": BLACK}
+        axes.scatter(x, np.degrees(theta), label="solved throws of the library", **dots)
 
 
 def _mark_target(axes: Axes, found: ReachMap, theta: Array) -> None:

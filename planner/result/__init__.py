@@ -1,8 +1,10 @@
 """The result of planning: the plan, its files, and reading them again."""
 
+from .binding import Binding, Bound, binding_words
 from .files import (
     PlanPath,
     SavedThrow,
+    check_hits,
     check_overwrites,
     complete,
     joint_samples,

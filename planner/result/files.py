@@ -20,7 +20,7 @@ from ...problems.scene_files import scene_from_table
 from ..show import over_time
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
 
-Status = Literal["solved", "out_of_reach", "not_converged"]
+Status = Literal["solved", "not_found"]
 #: Version of plan.json; `read_plan` refuses other versions.
 FORMAT = 1
 #: Largest difference [m, rad] of samples in motion.csv from the planned motion of a free hand.
@@ -29,6 +29,8 @@ SAME_MOTION = 1e-6
 HAND_COLUMNS = (("x", "z", "theta"), ("vx", "vz", "omega"), ("ax", "az", "alpha"))
 #: Files of a plan's folder.
 FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
+#: Folder in it, of the throw that lands nearest to a target to which none was found.
+NEAREST = "nearest"
 
 
 def joint_samples(
@@ -108,6 +110,19 @@ def read_plan(path: str | Path) -> SavedThrow:
     if scene.target is None or scene.target.velocity is None:
         return throw
     return dataclasses.replace(throw, scene=scene.aimed_at(scene.target.at(throw.landing_time)))
+
+
+def check_hits(path: str | Path, option: str = "--nearest") -> None:
+    """InputError for the plan.json (or its folder) of a throw that lands beside its target, which
+    `option` takes all the same."""
+    path = Path(path)
+    file = path / "plan.json" if path.is_dir() else path
+    found = read_json(file) if file.is_file() else None
+    if isinstance(found, dict) and found.get("short_of") is not None:
+        raise InputError(
+            f"{file}: this throw lands beside its target, as near as one was found; "
+            f"{option} takes it all the same"
+        )
 
 
 def entries_of(plan: dict[str, Any], throw: Throw | None, scene: Scene) -> dict[str, Any]:

@@ -24,7 +24,8 @@ from ..verdict import (
     drop_words,
     verdict,
 )
-from .files import FILES, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan
+from .binding import Binding, Bound
+from .files import FILES, NEAREST, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan
 from .motion import SentMotion
 from .motion_files import read_motion, write_motion
 from .planned_throw import PLAIN, PlannedThrow
@@ -49,6 +50,12 @@ MOMENTS = {
 class Plan:
     """Result of planning. Times in s; see `to_dict` for all other units and frames.
 
+    status: "solved", or "not_found", which says something about the search and nothing about the
+    world. nearest: then the throw found that lands nearest, as a plan that is solved at its own
+    landing; binding: the limits that hold it there, or, without one, the limit at which most starts
+    ended; bound: what proves that nothing reaches the target. starts: how many were tried.
+    short_of: the target of a nearest throw, which it misses.
+
     robust: the method of a robust plan: "nominal" for the plain throw, "alternative" for another
     throw to the target; empty without `robust=`. peak_load: of a robust plan, the largest load on
     the pads after a quarter of the grip may be left, as a share of the full grip's friction limit.
@@ -60,15 +67,17 @@ class Plan:
     status: Status
     message: str
     throw: PlannedThrow | None
-    nearest: Pose | None = None
-    binding: tuple[str, ...] = ()
+    nearest: Plan | None = None
+    binding: tuple[Binding, ...] = ()
+    bound: Bound | None = None
     solver: str = ""
+    starts: int = 0
     iterations: int = 0
-    attempts: int = 0
     variables: int = 0
     constraints: int = 0
     time: dict[str, float] = field(default_factory=dict)
     alternatives: tuple[Plan, ...] = ()
+    short_of: Pose | None = None
     robust: str = ""
     peak_load: float | None = None
 
@@ -137,30 +146,41 @@ class Plan:
 
     def to_dict(self) -> dict[str, Any]:
         """The plan as JSON: SI units, radians; poses in the base frame for an arm."""
-        nearest = self.nearest
         return {
             "scene": self.scene.name,
             "status": self.status,
             "message": self.message,
             "target": self.target.table,
             **self._landing_entries(),
-            "nearest": nearest and nearest.changed(velocity=None, arrival=None).table,
-            "binding": list(self.binding),
+            "nearest": self._nearest_entries(),
+            "binding": [one.to_dict() for one in self.binding],
+            "bound": self.bound and self.bound.to_dict(),
+            "starts": self.starts,
             "exceeds": {
                 name: {"value": value, "recommended": most}
                 for name, (value, most) in self.exceeds.items()
             },
             "assumed": list(self.scene.assumed),
-            "solver": {
-                "name": self.solver,
-                "iterations": self.iterations,
-                "attempts": self.attempts,
-            },
+            "solver": {"name": self.solver, "iterations": self.iterations},
             "nlp": {"variables": self.variables, "constraints": self.constraints},
             **self._optional_entries(),
             "time": {"build": 0.0, "guess": 0.0, "solve": 0.0, "smooth": 0.0, "check": 0.0}
             | {"total": 0.0, "draw": None}
             | self.time,
+        }
+
+    def _nearest_entries(self) -> dict[str, Any] | None:
+        """Where the nearest throw lands, and its errors to the target."""
+        if self.nearest is None or self.nearest.throw is None:
+            return None
+        landing, goal = self.nearest.throw.deciding.landing, self.nearest.short_of or self.target
+        dx, dtheta = goal.miss(landing.x, landing.theta)
+        x, z, theta = landing.pose
+        pose = self._json_pose((x, z, theta))
+        return {
+            **(pose | ({"theta": None} if goal.theta is None else {})),
+            "error": plain({"position": abs(dx), "angle": abs(dtheta)}),
+            "pose_error": plain(self.scene.object.pose_error(dx, dtheta)),
         }
 
     def _landing_entries(self) -> dict[str, Any]:
@@ -191,6 +211,8 @@ class Plan:
                 "rate_limit": limit,
                 "load_step": throw.deciding.load_steps.tolist(),
             }
+        if self.short_of is not None:
+            more["short_of"] = self.short_of.table
         if self.scene.notes:
             more["notes"] = list(self.scene.notes)
         for name, claim in (("calibration", self.calibrated), ("rest", self.rests)):
@@ -209,28 +231,35 @@ class Plan:
     def save(self, folder: str | Path, draw: Draw = True) -> Plan:
         """Write plan.json and, for a throw, motion.csv and (draw) throw.png, throw.gif.
 
+        Without a throw to the target the files of the nearest one are in the folder `nearest`.
         draw: "png" draws throw.png alone, False neither. Returns the plan with the time of
         drawing. Raises InputError, and leaves the folder as it was, if it cannot be written.
         """
         if draw not in (True, False, "png"):
             raise InputError(f"draw = {draw!r}: must be True, False or 'png'")
+        with filling(Path(folder), (*FILES, NEAREST)) as scratch:
+            if self.nearest is not None:
+                (scratch / NEAREST).mkdir()
+                self.nearest._write(scratch / NEAREST, draw)
+            return self._write(scratch, draw)
+
+    def _write(self, folder: Path, draw: Draw) -> Plan:
+        """Writes the files into a folder; the plan with the time of drawing."""
         plan = self
-        with filling(Path(folder), FILES) as scratch:
-            if self.solved:
-                throw = sent_throw(self)
-                write_motion(SentMotion.of(throw), scratch / "motion.csv")
-                if draw:
-                    start = time.perf_counter()
-                    show.draw_throw(
-                        throw, scratch / "throw.png", load_curve(throw) if self.robust else None
-                    )
-                    if draw != "png":
-                        show.draw_throw_moving(throw, scratch / "throw.gif")
-                    seconds = {"draw": time.perf_counter() - start}
-                    plan = replace(self, time=self.time | seconds)
-            thrown = None if self.throw is None else self.throw.deciding
-            aimed = self.scene.aimed_at(self.target)
-            write_json(scratch / "plan.json", entries_of(plan.to_dict(), thrown, aimed))
+        if self.solved:
+            throw = sent_throw(self)
+            write_motion(SentMotion.of(throw), folder / "motion.csv")
+            if draw:
+                start = time.perf_counter()
+                load = load_curve(throw) if self.robust else None
+                show.draw_throw(throw, folder / "throw.png", load)
+                if draw != "png":
+                    show.draw_throw_moving(throw, folder / "throw.gif")
+                seconds = {"draw": time.perf_counter() - start}
+                plan = replace(self, time=self.time | seconds)
+        thrown = None if self.throw is None else self.throw.deciding
+        aimed = self.scene.aimed_at(self.target)
+        write_json(folder / "plan.json", entries_of(plan.to_dict(), thrown, aimed))
         return plan
 
     def draw(self, file: str | Path | None = None) -> Figure:
@@ -285,8 +314,8 @@ class Plan:
         if words := assumed_words(scene):
             lines.append(f"  {words}")
         lines.append(
-            f"  {solver['name']}, {solver['iterations']} iterations in {solver['attempts']} "
-            f"solves, {self.variables} variables, {self.constraints} constraints, "
+            f"  {solver['name']}, {solver['iterations']} iterations from {self.starts} "
+            f"starts, {self.variables} variables, {self.constraints} constraints, "
             f"{result['time']['total']:.2f} s"
         )
         if self.robust:

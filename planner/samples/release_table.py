@@ -14,9 +14,6 @@ from ...models import Array, Flags, FlightLaw, FlightState, ReadOnly
 from ...problems import Pose, Scene
 from ..library import Turns, nearest_landings
 
-#: Height [m] above every sampled apex from which a target is out of reach.
-HEIGHT_ROOM = 0.25
-
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Releases(ReadOnly):
@@ -82,17 +79,12 @@ def starts(
     return nearest_landings(scene, target, turns, landings, count)
 
 
-def highest(releases: Releases, z: float, flight: FlightLaw) -> tuple[bool, float, str]:
-    """The highest apex, if no sampled release lands at a height z [m].
-
-    Returns whether z is out of reach above it, the height of the apex [m], and words.
-    """
+def highest(releases: Releases, z: float, flight: FlightLaw) -> tuple[float, str]:
+    """The height of the highest apex [m], and why no sampled release lands at a height z [m]."""
     if len(releases.q) == 0:
-        return False, -math.inf, "no throw found: no sampled release keeps limits and grip"
+        return -math.inf, "no throw found: no sampled release keeps limits and grip"
     apex = float(flight.apex(FlightState(*releases.detach.T)).pose[1].max())
-    far = z > apex + HEIGHT_ROOM
-    kind = "out of reach" if far else "no throw found"
     if z <= apex:
-        return far, apex, f"{kind}: no sampled release comes down through z {z:g} m"
-    words = f"{kind}: no sampled release rises to z {z:g} m, at most about {apex:.2f} m"
-    return far, apex, words
+        return apex, f"no throw found: no sampled release comes down through z {z:g} m"
+    words = f"no throw found: no sampled release rises to z {z:g} m, at most about {apex:.2f} m"
+    return apex, words

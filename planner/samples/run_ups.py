@@ -6,7 +6,6 @@ through the base column mostly end with one, so each sampled throw is marked.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.polynomial.polynomial import polyder, polyval
 
 from ...models import Array, Flags, FlightState, Trajectory
 from ...problems import Scene
-from ..clearance import column_distance, contacts, held_bar, overlap, palm_distance
+from ..clearance import column_distance, held_bar, overlap, palm_distance
 from ..ocp import BRAKE_SHARE, PALM_TIMES
 from ..throw import Manipulator, Throw, column_of
 
@@ -115,12 +114,6 @@ def flies_past_column(scene: Scene, detach: Array, duration: Array, room: float 
         com = _flown(scene, detach, share * np.nan_to_num(duration))
         clear &= column_distance(scene.object, com, *column) >= room
     return clear
-
-
-def in_obstacles(scene: Scene, manipulator: Manipulator, releases: Any, index: int) -> float:
-    """How far [m] a table's throw `index` is inside obstacles and the arm itself, all bodies."""
-    throw = sampled_throw(scene, manipulator, releases, index)
-    return sum(contact.penetration for contact in contacts(throw)) if throw.lands else math.inf
 
 
 def sampled_throw(scene: Scene, manipulator: Manipulator, releases: Any, index: int) -> Throw:

@@ -1,5 +1,4 @@
-"""Whether a scene can have throws at all: starts from which none can begin, targets inside the base
-column."""
+"""Whether a scene can have throws at all: starts from which none can begin."""
 
 from __future__ import annotations
 
@@ -8,7 +7,7 @@ import math
 import numpy as np
 
 from ...models import Array, HandSamples
-from ...problems import InputError, Pose, Scene
+from ...problems import InputError, Scene
 from ..clearance import column_distance, grasp_distance, hand_pairs, held_bar, lowest_of_bar
 from ..throw import Manipulator, column_of, friction_use, outline, rest_torques, torque_limits
 
@@ -148,16 +147,3 @@ def _check_hand_shapes(scene: Scene, manipulator: Manipulator) -> None:
             "give its file palm_back, palm_front and palm_half_width (import-robot --palm), or "
             "leave palm_clearance out"
         )
-
-
-def in_column(scene: Scene, target: Pose) -> bool:
-    """Whether the bar would be inside the base column at all poses that the tolerance allows."""
-    column, most = column_of(scene), scene.tolerance
-    if column is None:
-        return False
-    x, theta = target.grid(21)
-    if target.theta is None:
-        x, theta = np.array(np.meshgrid(x, np.linspace(0.0, math.pi, 181))).reshape(2, -1)
-    poses = np.array([x, np.full(x.size, target.z), theta])
-    room = column_distance(scene.object, poses, *column).max()
-    return bool(room < -most.position - most.angle * scene.object.length)

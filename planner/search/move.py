@@ -17,16 +17,14 @@ from ...core import MoveC, MovedC, SamplesC, library
 from ...models import Array, Trajectory
 from ...models.release import STEPPED_SURFACE, Release, compiled_release
 from ..library import Neighbour
-from ..ocp import CondensedQp, Layout, Margins, Optimum, ReducedVariables, Request, Solution
+from ..ocp import CondensedQp, Margins, Optimum, ReducedVariables, Request, Solution
 from ..result import PlannedThrow
 from ..throw import TICK, Samples, SmoothingError, Throw, case_of, send
 from ..verdict import verdict
-from .attempt import Attempt, Start, accuracy, error_over
+from .attempts import Exact, Outcome, accuracy, error_over
 from .guess import guess_of
 from .nlp_cache import CompiledNlp, NlpCache, Task
 
-#: Most NLPs solved from an optimum, each refined by the check of the one before.
-TRIES = 2
 #: Most exact throws of one move, the first included.
 THROWS = 6
 #: The next step is cut to half or less if a throw misses by over this share of the least miss.
@@ -55,33 +53,27 @@ class Corrector:
         final = Throw(task.scene, self.problems.manipulator, planned, opening_time)
         return PlannedThrow(planned, final, optimum.effort, optimum.nlp_size, optimum.refinement)
 
-    def start(self, near: Neighbour, task: Task) -> Start:
-        """A start for a solver from an optimum that lands near its goal."""
+    def start(self, near: Neighbour, task: Task) -> Exact:
+        """A solver's start from an optimum that lands near its goal."""
         optimum = near.optimum
-        return Start(
-            near.goal,
-            guess_of(self.throw_of(optimum, task), task.scene),
-            task.solvers[0],
-            refinement=optimum.refinement,
-            tries=TRIES,
-            aim=optimum.smoothing,
-        )
+        guess = guess_of(self.throw_of(optimum, task), task.scene)
+        return Exact(near.goal, guess, optimum.refinement, optimum.smoothing)
 
-    def attempt(self, near: Neighbour, task: Task) -> Attempt:
-        """An attempt to throw to the goal of an optimum near it, along its slope."""
+    def attempt(self, near: Neighbour, task: Task) -> Outcome:
+        """The throw to the goal of an optimum near it, along its slope."""
         return self.moved(near, task)[0]
 
-    def moved(self, near: Neighbour, task: Task) -> tuple[Attempt, Array | None]:
-        """An attempt to throw to the goal of an optimum near it, along its slope, and its `u`."""
-        goal, refinement, judged = near.goal, near.optimum.refinement, None
-        reason = "a solved throw nearby does not move to the target"
-        with task.clock("smooth"):
+    def moved(self, near: Neighbour, task: Task) -> tuple[Outcome, Array | None]:
+        """The throw to the goal of an optimum near it, along its slope, and its `u`."""
+        one = Outcome(near.goal, near.optimum.refinement, solver=CORRECTOR)
+        task.budget.counts["solves"] += 1
+        with task.budget("smooth"):
             throw, u = self._moved(near, task) or self._unmoved(near, task) or (None, None)
-        if throw is not None:
-            with task.clock("check"):
-                judged = verdict(throw.deciding, goal)
-            reason = judged.words
-        return Attempt(goal, refinement, CORRECTOR, throw, judged, reason, 0, 1), u
+        if throw is None:
+            return one, None
+        with task.budget("check"):
+            judged = verdict(throw.deciding, near.goal)
+        return replace(one, throw=throw, verdict=judged, pose=near.goal, missed=0.0), u
 
     def _moved(self, near: Neighbour, task: Task) -> tuple[PlannedThrow, Array] | None:
         """The throw that lands at the goal, by the model that counts, and its `u`; None without."""
@@ -169,15 +161,9 @@ class Corrector:
 
 
 def optimum_of(
-    controls: ReducedVariables,
-    program: CompiledNlp,
-    throw: PlannedThrow,
-    names: tuple[str, ...] = (),
+    controls: ReducedVariables, program: CompiledNlp, throw: PlannedThrow
 ) -> Optimum | None:
-    """The optimum of a throw; None without a solution of an NLP for a pose.
-
-    names: of the limits that bind there.
-    """
+    """The optimum of a throw; None without a solution of an NLP for a pose."""
     solution, layout = throw.solution, throw.layout
     if solution is None or layout is None or any(layout.structure.ranges):
         # In a region the landing is chosen by the optimum.
@@ -188,7 +174,17 @@ def optimum_of(
         slope = condensed_at(controls, program, request, solution).slope
     except np.linalg.LinAlgError:
         return None
-    return _optimum(controls, layout, throw, slope, names)
+    lands, exact = throw.planned_landing, throw.exact.landing.pose
+    margins = {name: max(value, 0.0) for name, value in throw.refinement.margins.values}
+    return Optimum(
+        solution.x[controls.places(layout)],
+        slope,
+        throw.deciding.release.end,
+        throw.effort,
+        layout.size,
+        (lands[0] - exact[0], lands[2] - exact[2]),
+        replace(throw.refinement, margins=Margins(**margins)),
+    )
 
 
 def condensed_at(
@@ -197,38 +193,3 @@ def condensed_at(
     """The NLP of a request about a point, in the free numbers; LinAlgError where it is singular."""
     numbers, places = program.nlp.parameter_values(request), controls.places(program.nlp)
     return CondensedQp.about(program.solver, point, numbers, program.limits, places)
-
-
-def fixed_optimum(
-    controls: ReducedVariables, throw: PlannedThrow, names: tuple[str, ...]
-) -> Optimum | None:
-    """The optimum of a throw with a slope of zero, as a start; None without a solution of an NLP.
-
-    It takes no derivatives. names: of the limits that bind there.
-    """
-    if throw.layout is None or throw.solution is None:
-        return None
-    errors = 1 if throw.deciding.target.theta is None else 2
-    return _optimum(controls, throw.layout, throw, np.zeros((controls.size, errors)), names)
-
-
-def _optimum(
-    controls: ReducedVariables,
-    layout: Layout,
-    throw: PlannedThrow,
-    slope: Array,
-    names: tuple[str, ...],
-) -> Optimum:
-    assert throw.solution is not None
-    lands, exact = throw.planned_landing, throw.exact.landing.pose
-    margins = {name: max(value, 0.0) for name, value in throw.refinement.margins.values}
-    return Optimum(
-        throw.solution.x[controls.places(layout)],
-        slope,
-        throw.deciding.release.end,
-        throw.effort,
-        layout.size,
-        (lands[0] - exact[0], lands[2] - exact[2]),
-        replace(throw.refinement, margins=Margins(**margins)),
-        names,
-    )

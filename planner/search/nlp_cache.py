@@ -1,4 +1,4 @@
-"""A scene's NLPs with their solvers, built when first needed and kept; a plan's task and clock."""
+"""A scene's NLPs with their solvers, built when first needed and kept; a plan's task and budget."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 from ...models import Array
 from ...problems import Pose, Scene
@@ -18,13 +18,15 @@ from ..throw import Manipulator
 
 #: Most build time [s] that does not count against a plan's patience.
 FREE_BUILD_TIME = 1.5
+#: What a search counts: starts, NLPs solved (throws moved, too), solver iterations.
+Counted = Literal["starts", "solves", "iterations"]
 #: Parts of a plan whose times are always reported, zero for a part that is not run.
 PARTS = ("build", "guess", "solve", "smooth", "check")
 
 
 @dataclass(frozen=True)
-class Clock:
-    """Deadline of a plan, by time.perf_counter(), and times [s] of its parts.
+class Budget:
+    """Deadline of a plan, by time.perf_counter(), times [s] of its parts, and what was counted.
 
     `FREE_BUILD_TIME` of building, which serves later plans too, does not count. On a busy machine a
     plan is late only if the process has also used its processor time, up to `processor`.
@@ -35,10 +37,13 @@ class Clock:
     seconds: dict[str, float] = field(
         default_factory=lambda: defaultdict(float, dict.fromkeys(PARTS, 0.0))
     )
+    counts: dict[Counted, int] = field(
+        default_factory=lambda: {"starts": 0, "solves": 0, "iterations": 0}
+    )
 
     @classmethod
-    def lasting(cls, patience: float) -> Clock:
-        """A clock that ends after `patience` [s], on a busy machine of processor time."""
+    def lasting(cls, patience: float) -> Budget:
+        """A budget that ends after `patience` [s], on a busy machine of processor time."""
         return cls(time.perf_counter() + patience, processor_time() + patience)
 
     @property
@@ -52,8 +57,8 @@ class Clock:
         """Whether the time for planning is over."""
         return time.perf_counter() > self.until and self.left < 0.0
 
-    def part(self, share: float) -> Clock:
-        """A clock with a share of the time left, which counts into the same parts."""
+    def part(self, share: float) -> Budget:
+        """A budget with a share of the time left, which counts into this one."""
         used = (1.0 - share) * self.left
         return replace(self, until=self.until - used, processor=self.processor - used)
 
@@ -69,22 +74,17 @@ class Clock:
 
 @dataclass(frozen=True)
 class Task:
-    """One call of the planner: the scene aimed at its target, solvers in order, and the clock.
+    """One call of the planner: the scene aimed at its target, the solver, and the budget.
 
     turns: whether theta counts modulo full turns; wanted: how many throws that differ to look for.
     """
 
     scene: Scene
     target: Pose
-    solvers: tuple[str, ...] = ("fatrop", "ipopt")
-    clock: Clock = field(default_factory=Clock)
+    solver: str = "fatrop"
+    budget: Budget = field(default_factory=Budget)
     turns: Turns = "exact"
     wanted: int = 1
-
-    @property
-    def names_solver(self) -> bool:
-        """Whether the user names a solver. It starts from no solved throw but a warm plan's."""
-        return len(self.solvers) == 1
 
     def aimed_at(self, target: Pose) -> Task:
         """This task for another target; a cup stays where it is for a pose of the task's region."""
@@ -132,11 +132,11 @@ class NlpCache:
         """The NLPs, shared with these, for a manipulator that begins in another state of motion."""
         return replace(self, manipulator=manipulator)
 
-    def nlp(self, request: Request, clock: Clock) -> ThrowNlp:
+    def nlp(self, request: Request, budget: Budget) -> ThrowNlp:
         """The NLP of a request for a target."""
         kind = _kind(request)
         if kind not in self._nlps:
-            with clock("build"):
+            with budget("build"):
                 self._nlps[kind] = build_nlp(request, self._shared)
         return self._nlps[kind]
 
@@ -145,7 +145,7 @@ class NlpCache:
         target: Pose,
         refinement: Refinement,
         solver: str,
-        clock: Clock,
+        budget: Budget,
         robust: str = "",
         elastic: bool = False,
     ) -> CompiledNlp:
@@ -153,8 +153,8 @@ class NlpCache:
         request = Request(self.scene, self.manipulator, target, refinement, robust, float(elastic))
         kind = _kind(request), solver
         if kind not in self._compiled:
-            nlp = self.nlp(request, clock)
-            with clock("build"):
+            nlp = self.nlp(request, budget)
+            with budget("build"):
                 self._compiled[kind] = CompiledNlp(nlp, Solver(nlp, solver), nlp.bounds(request))
         return self._compiled[kind]
 

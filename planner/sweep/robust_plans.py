@@ -14,7 +14,7 @@ from ...models import Flags
 from ...problems import Mesh, Robust, Scene
 from ..ocp import peak_load
 from ..result import PLAIN, Plan
-from ..search import Attempt, NlpCache, Start, Task, attempts, guess_of
+from ..search import Exact, NlpCache, Outcome, Task, attempt, guess_of
 from ..uncertainty import sampler_of
 from ..verdict import is_as_successful
 from .results import pose_errors
@@ -125,45 +125,35 @@ class Hardening:
             return Robust.QUIET, CONSTANT_RATES, SCENARIOS
         return (Robust.QUIET, SCENARIOS) if self.method == SCENARIOS else (self.method,)
 
-    def attempts_from(self, source: Plan, method: str) -> list[Attempt]:
+    def attempts_from(self, source: Plan, method: str) -> list[Outcome]:
         """Attempts of one method from a plan's throw: with reserves for uncertain parameters, then
         without.
 
-        A solved attempt is the last.
+        One that hits the target is the last.
         """
-        mesh, start, found = self.problems.scene.mesh, source.throw, list[Attempt]()
+        mesh, start, found = self.problems.scene.mesh, source.throw, list[Outcome]()
         assert start is not None
         plain = self.task.scene.replace(mesh=mesh)
-        solvers = self.task.solvers[:1] if self.method == "auto" else self.task.solvers
         for scene in dict.fromkeys((with_reserves(plain), plain)):
             task = dataclasses.replace(self.task, scene=scene)
             guess = guess_of(start, scene, method)
-            for solver in solvers:
-                # The middle of a region is the farthest from its bounds.
-                first = Start(
-                    source.target.middle,
-                    guess,
-                    solver,
-                    start.refinement,
-                    SETTINGS.tries,
-                    again=True,
-                    robust=method,
-                )
-                found += attempts(self.problems, first, task)
-                if found[-1].solved or self.task.clock.late:
-                    return found
+            # The middle of a region is the farthest from its bounds.
+            first = Exact(source.target.middle, guess, start.refinement, robust=method)
+            found.append(attempt(self.problems, first, task, rounds=SETTINGS.tries))
+            if found[-1].hits or self.task.budget.late:
+                return found
             if found[-1].throw is not None:
                 # Less reserve does not help: a throw was found, and it breaks another limit.
                 break
         return found
 
-    def candidate(self, source: Plan, attempt: Attempt, method: str) -> JudgedThrow:
-        """The candidate of a solved attempt."""
-        assert attempt.throw is not None
+    def candidate(self, source: Plan, found: Outcome, method: str) -> JudgedThrow:
+        """The candidate of a throw that was found."""
+        assert found.throw is not None
         scene = self.task.scene.replace(mesh=self.problems.scene.mesh)
-        deciding = attempt.throw.deciding.in_scene(scene)
-        throw = dataclasses.replace(attempt.throw, deciding=deciding)
-        plan = dataclasses.replace(source, throw=throw, solver=attempt.solver)
+        deciding = found.throw.deciding.in_scene(scene)
+        throw = dataclasses.replace(found.throw, deciding=deciding)
+        plan = dataclasses.replace(source, throw=throw, solver=found.solver)
         return JudgedThrow(plan, method)
 
 
@@ -217,16 +207,15 @@ def hardened(plan: Plan, hardening: Hardening, others: Callable[[], Plan]) -> Pl
     It is `plan` itself, or a robust throw from it or from the alternatives of `others`.
     """
     plain = JudgedThrow(plan, PLAIN)
-    candidates, plans = [plain], [plan]
-    tried, scenario_sources = list[Attempt](), list[JudgedThrow]()
+    candidates = [plain]
+    tried, scenario_sources = list[Outcome](), list[JudgedThrow]()
 
     def is_complete() -> bool:
-        return best_of(candidates).is_good(plain) or hardening.task.clock.late
+        return best_of(candidates).is_good(plain) or hardening.task.budget.late
 
     for source in _sources(plain, others):
         if source is not plain:
             candidates.append(source)
-            plans.append(source.plan)
         for method in hardening.methods:
             start = best_of(candidates) if method == SCENARIOS else source
             if is_complete():
@@ -237,17 +226,12 @@ def hardened(plan: Plan, hardening: Hardening, others: Callable[[], Plan]) -> Pl
                 scenario_sources.append(start)
             found = hardening.attempts_from(start.plan, method)
             tried += found
-            if found and found[-1].solved:
+            if found and found[-1].hits:
                 candidates.append(hardening.candidate(start.plan, found[-1], method))
         if is_complete():
             break
-    best = _best_plan(candidates, hardening.method, tried)
-    iterations, solves = sum(a.iterations for a in tried), sum(a.solves for a in tried)
-    return dataclasses.replace(
-        best,
-        iterations=sum(p.iterations for p in plans) + iterations,
-        attempts=sum(p.attempts for p in plans) + solves,
-    )
+    hardening.task.budget.counts["starts"] += len(tried)
+    return _best_plan(candidates, hardening.method, tried)
 
 
 def _sources(plain: JudgedThrow, others: Callable[[], Plan]) -> Iterator[JudgedThrow]:
@@ -257,7 +241,7 @@ def _sources(plain: JudgedThrow, others: Callable[[], Plan]) -> Iterator[JudgedT
         yield JudgedThrow(other, ALTERNATIVE)
 
 
-def _best_plan(candidates: Sequence[JudgedThrow], method: str, tried: Sequence[Attempt]) -> Plan:
+def _best_plan(candidates: Sequence[JudgedThrow], method: str, tried: Sequence[Outcome]) -> Plan:
     """The plan of the best candidate; its message gives the sweeps of this and the plain throw."""
     best, plain = best_of(candidates), candidates[0]
     throw = best.plan.throw
@@ -271,7 +255,8 @@ def _best_plan(candidates: Sequence[JudgedThrow], method: str, tried: Sequence[A
         second = best_of(robust)
         words += f"; the best robust throw, by {second.method}, is not better: {second.words}"
     elif tried:
-        reason = tried[-1].reason
+        judged = tried[-1].verdict
+        reason = "no motion keeps all constraints" if judged is None else judged.words
         words += f"; the throw is the plain one: {method} found none ({reason})"
     else:
         words += ", by the plain throw"

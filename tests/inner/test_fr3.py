@@ -52,7 +52,7 @@ def fr3_planner(fr3):
 
 
 #: A throw backwards over the base, joint 4 fast near the end of its range; two more.
-NEAR_THE_END = tp.Pose(x=-2.07, z=0.1, theta=5.9)
+NEAR_THE_END = tp.Pose(x=-1.75, z=0.1, theta=4.1)
 FR3_TARGETS = [NEAR_THE_END, tp.Pose(x=-0.592, z=0.1, theta=0.657), None]
 
 

@@ -12,8 +12,8 @@ import pytest
 import throwplan as tp
 from builders import nlp_of, request_of, varied
 from throwplan.planner.ocp import Refinement, ThrowNlp, build_nlp, nlp_functions
-from throwplan.planner.samples import ReleaseSampler, starts
-from throwplan.planner.search import NlpCache, Task, release_start
+from throwplan.planner.samples import ReleaseSampler
+from throwplan.planner.search import Starts, Task
 from throwplan.planner.throw import make_manipulator
 
 
@@ -22,11 +22,9 @@ def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
     manipulator = make_manipulator(scene)
     sampler = ReleaseSampler(scene, manipulator)
     releases = sampler.draw(6000)
-    target = scene.target
-    index = starts(releases, scene, target, "exact", 1)[0][0]
-    problems, task = NlpCache(scene, manipulator), Task(scene, target)
-    start = release_start(problems, task, releases, index, target)
-    return start.guess(nlp), nlp.parameter_values(request_of(scene))
+    table = Starts(releases, Task(scene, scene.target), manipulator)
+    guess = table.guess(table.nearest[0][0])
+    return guess(nlp), nlp.parameter_values(request_of(scene))
 
 
 @pytest.mark.parametrize(

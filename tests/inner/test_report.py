@@ -98,7 +98,7 @@ def test_the_first_page_is_made_of_the_tables_that_are_there(tmp_path) -> None:
     shutil.copytree(REPORT, tmp_path / "report")
     write_summary(tmp_path / "report", parts_of(REPORT))
     page = (tmp_path / "report" / "index.md").read_text()
-    assert len(page.splitlines()) < 120 and page.count("*Measured ") == 6
+    assert len(page.splitlines()) < 120 and page.count("*Measured ") == 5
     write_summary(tmp_path, {})
     empty = (tmp_path / "index.md").read_text()
     assert "## What is not validated" in empty and empty.count("\n## ") == 1

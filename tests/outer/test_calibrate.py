@@ -214,7 +214,7 @@ def test_a_cup_is_entered_by_the_throw_as_it_really_flies():
     plain = tp.Planner("near-cup", library=False).plan()
     judged = dataclasses.replace(plain, scene=scene)
     moved = dataclasses.replace(plain.throw, deciding=plain.throw.deciding.in_scene(scene))
-    assert not dataclasses.replace(judged, throw=moved, status="not_converged").verdict.ok
+    assert not dataclasses.replace(judged, throw=moved, status="not_found").verdict.ok
 
 
 def test_a_sweep_has_the_bias_too():

@@ -31,10 +31,8 @@ def test_a_copied_plan_works_with_its_planner(copied, solved, pose_planner) -> N
     plan, near = copied(solved), dataclasses.replace(solved.target, x=solved.target.x + 0.003)
     assert plan.to_dict() == solved.to_dict() and plan.scene == solved.scene
     moved, expected = (pose_planner.plan(near, warm=one) for one in (plan, solved))
-    assert moved.solver == expected.solver == "corrector" and moved.attempts == 1
+    assert moved.starts == expected.starts == 1 and moved.iterations < solved.iterations
     assert moved.throw.deciding.landing.pose == expected.throw.deciding.landing.pose
-    polished = [pose_planner.polish(copied(moved)), pose_planner.polish(moved)]
-    assert polished[0].throw.effort == polished[1].throw.effort < moved.throw.effort
     assert pose_planner.follow(plan).throw.landing.pose == solved.throw.deciding.landing.pose
     assert (tp.sweep(plan, samples=8).success == tp.sweep(solved, samples=8).success).all()
 
@@ -44,7 +42,7 @@ def test_a_copied_planner_takes_plans_of_its_scene(copied, solved, pose_planner)
     planner = copied(pose_planner)
     assert planner.scene == pose_planner.scene
     near = dataclasses.replace(solved.target, x=solved.target.x - 0.003)
-    assert planner.plan(near, warm=solved).solver == "corrector"
+    assert planner.plan(near, warm=solved).iterations < solved.iterations
     assert planner.follow(solved).throw.landing.pose == solved.throw.deciding.landing.pose
 
 
@@ -63,26 +61,17 @@ def test_a_copied_session_goes_on_as_the_session_does(copied, shift, solved, pos
     assert one.status == two.status and one.off == two.off and (one.q == two.q).all()
 
 
-def test_a_plan_is_polished_for_its_own_cup(plan_of) -> None:
-    """Not for that of a planner whose cup stands elsewhere."""
-    plan = plan_of("near-cup")
-    cup = plan.scene.cup
-    other = plan.scene.replace(cup=cup.changed(x=cup.x + 0.008))
-    moved = tp.Planner(other, library=False).plan(plan.target, warm=plan)
-    polished = tp.Planner(plan.scene, library=False).polish(moved)
-    assert moved.solved and polished.solved
-    assert polished.scene.cup.x == moved.scene.cup.x == pytest.approx(cup.x + 0.008)
-
-
 def test_plans_of_other_scenes_are_no_warm_plans(solved, pose_planner) -> None:
     """Another grip: the throw would be another; the same target elsewhere: it is not."""
     contact = dataclasses.replace(solved.scene.contact, friction=0.9)
     slippery = tp.Planner(solved.scene.replace(contact=contact), library=False)
-    assert slippery.polish(solved) is solved and slippery.plan(warm=solved).solver == "fatrop"
+    cold, warm = slippery.plan(), slippery.plan(warm=solved)
+    assert warm.iterations == cold.iterations and warm.throw.effort == cold.throw.effort
     with pytest.raises(tp.InputError, match="follow: needs a solved plan of this planner's scene"):
         slippery.follow(solved)
     moved = solved.scene.replace(target=dataclasses.replace(solved.target, x=0.95))
-    assert tp.Planner(moved, library=False).plan(solved.target, warm=solved).solver == "corrector"
+    again = tp.Planner(moved, library=False).plan(solved.target, warm=solved)
+    assert again.iterations < solved.iterations
 
 
 def test_a_plan_is_of_its_scene_by_whatever_name_and_file(solved, tmp_path) -> None:
@@ -90,7 +79,7 @@ def test_a_plan_is_of_its_scene_by_whatever_name_and_file(solved, tmp_path) -> N
     (tmp_path / "mine.toml").write_text(tp.scene_text("pose"))
     renamed = tp.load_scene(tmp_path / "mine.toml").replace(name="mine", description="")
     planner = tp.Planner(renamed, library=False)
-    assert planner.plan(warm=solved).solver == "corrector"
+    assert planner.plan(warm=solved).iterations < solved.iterations
     assert planner.follow(solved).throw.landing_time == solved.throw.landing_time
 
 

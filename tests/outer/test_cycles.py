@@ -188,7 +188,7 @@ def test_throws_unlike_the_calibrated_ones_are_warned_of(cycled: Path) -> None:
     ("section", "values", "words"),
     [
         ("gripper", {"force": 60.0}, "grip at"),
-        ("tolerance", {"position": 1e-4, "angle_deg": 0.5, "model": "sp"}, "lands"),
+        ("target", {"x": 1.01}, "lands"),
         ("workspace", {"floor": 0.2}, "held object, floor"),
         ("workspace", {"floor": 0.02, "column_radius": 0.5, "column_height": 0.9}, "base column"),
         ("torque", {"limits": [10.0, 60.0, 10.0]}, "torque of joint 2"),

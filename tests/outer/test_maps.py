@@ -9,7 +9,7 @@ import pytest
 import throwplan as tp
 from builders import varied
 
-KEYS = {"scene", "z", "reachable", "x", "theta", "file"}
+KEYS = {"scene", "z", "found", "x", "theta", "file"}
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_bounds_of_landing_are_kept(tmp_path) -> None:
     # The hand turns by 120 degrees, and no flight of 1.5 s adds more than 1.5 rad.
     assert np.abs(slow.theta).max() < math.radians(120.0) + 1.5 < np.abs(everything.theta).max()
     impossible = tp.reach_map(files["speed_min = 90.0"], samples=2000)
-    assert impossible.reachable == 0 and "[landing]" in impossible.message
+    assert impossible.found == 0 and "[landing]" in impossible.message
 
 
 def test_a_start_to_wind_up_from_takes_nothing_but_time() -> None:
@@ -116,7 +116,7 @@ def test_the_command(run, tmp_path) -> None:
     out = tmp_path / "out"
     answer = run("map pose --samples 3000 --json --out", out).json
     assert set(answer) == KEYS
-    assert (answer["scene"], answer["z"]) == ("pose", 0.1) and answer["reachable"] > 10
+    assert (answer["scene"], answer["z"]) == ("pose", 0.1) and answer["found"] > 10
     assert answer["x"][0] < answer["x"][1] and answer["theta"][0] < answer["theta"][1]
     assert answer["file"] == str(out / "map.npz")
     said = run("map hand-box --samples 3000 --z 0.2")
@@ -132,7 +132,7 @@ def test_a_height_out_of_reach(run) -> None:
     said = run("map hand-box --samples 3000 --z 1.9 --json")
     answer = said.json
     assert (said.status, len(said.err.splitlines())) == (3, 1)
-    assert (answer["reachable"], answer["x"], answer["theta"]) == (0, None, None)
+    assert (answer["found"], answer["x"], answer["theta"]) == (0, None, None)
     assert answer["message"] in said.err
     highest = float(answer["message"].split("at most about ")[1].split(" m")[0])
     assert 1.2 < highest < 1.57

@@ -67,19 +67,16 @@ def test_the_object_lands_in_time(pose_planner, arrival, plan_of) -> None:
 
 
 def test_what_cannot_be_met_says_what_binds(pose_planner) -> None:
-    for arrival in (1.5, 1.6):
-        # The arm may wait: whether the place is in reach does not depend on the time.
-        plan = moving(pose_planner, 0.2, arrival=arrival)
-        place = moving(pose_planner, x=pose_planner.scene.target.x + 0.2 * arrival)
-        assert plan.status == place.status == "out_of_reach" and "tool speed" in plan.binding
-        assert plan.to_dict()["target"]["arrival"] == arrival
-    plan = moving(pose_planner, 0.2, arrival=(1.5, 1.7))
-    assert plan.status == "not_converged" and "tool speed" in plan.binding
-    hurried = moving(pose_planner, arrival=0.15)
-    assert hurried.status == "not_converged" and hurried.binding == ("arrival",)
-    assert "land after at least about 0.4" in hurried.message
-    fast = moving(pose_planner, 3.0)
-    assert fast.status == "not_converged" and fast.binding[0] == "target velocity"
+    def limits(plan: tp.Plan) -> list[str]:
+        assert plan.status == "not_found"
+        return [one.limit for one in plan.binding]
+
+    # The arm may wait: whether the place is in reach does not depend on the time.
+    plan = moving(pose_planner, 0.2, arrival=1.5)
+    assert "tool speed" in limits(plan) and plan.to_dict()["target"]["arrival"] == 1.5
+    assert "tool speed" in limits(moving(pose_planner, x=pose_planner.scene.target.x + 0.3))
+    assert "arrival" in limits(moving(pose_planner, arrival=0.15))
+    assert moving(pose_planner, 3.0).status == "not_found"
 
 
 @pytest.mark.parametrize(("x", "speed"), [(1.0, 0.35), (1.1, 0.2)])

@@ -124,9 +124,9 @@ def test_a_saved_plan_is_swept_as_before_it_was_saved(plan_of, saved, run, refus
 def test_without_a_throw(run, planner_of) -> None:
     said = run("sweep hand-box --target 0.3 1.7 free --json")
     assert (said.status, len(said.err.splitlines())) == (3, 1)
-    assert said.json["status"] == "out_of_reach"
+    assert said.json["status"] == "not_found"
     failed = planner_of("hand-box").plan(tp.Pose(x=0.3, z=1.7))
-    with pytest.raises(tp.InputError, match="out_of_reach"):
+    with pytest.raises(tp.InputError, match="not_found"):
         tp.sweep(failed)
 
 

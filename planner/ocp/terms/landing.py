@@ -21,8 +21,9 @@ BOUNDS_MARGIN = 0.02
 ARRIVAL_MARGIN = 1e-3
 #: Number of depths with constraints: without and with the lazy constraint "flight".
 DEPTHS = (4, 12)
-#: Margin [m] to rim and wall: covers the motion between depths; `request.CUP` adds to it.
-CUP_MARGIN = 0.001
+#: Margins [m] to rim and wall at these numbers of depths: they cover the motion between depths;
+#: `request.CUP` adds to them.
+CUP_MARGINS = (0.001, 0.0002)
 #: Room [radii] at a rim's edge that lies one radius before the bar's lower end: steep enough that
 #: such an edge binds at no angle.
 BEFORE = 25.0
@@ -131,17 +132,18 @@ class CupClearance(SceneConstraint):
             return None
         theta = target.theta if request.start_angle is None else request.start_angle
         lower = lower_end(request.scene.object, theta or 0.0)
+        fine = "flight" in request.refinement.lazy
         values: dict[str, Any] = {
             "cup_x": cup.x + _offset(request),
             "cup_rim": cup.rim,
             "cup_insertion": cup.insertion,
             "cup_radius": cup.radius_for(request.scene.object),
-            "cup_clearance": cup.clearance + CUP_MARGIN + request.refinement.margins["cup"],
+            "cup_clearance": cup.clearance + CUP_MARGINS[fine] + request.refinement.margins["cup"],
             "lower_end": lower if request.scene.object.outline else lower[0],
         }
         if target.velocity is not None:
             values["cup_speed"] = target.speed
-        return cls(values, DEPTHS["flight" in request.refinement.lazy], request.elastic > 0.0)
+        return cls(values, DEPTHS[fine], request.elastic > 0.0)
 
     def in_flight(self, flight: Flight) -> None:
         """The rim, then each depth."""

@@ -1,0 +1,319 @@
+"""The search, whole: one loop over starts of three kinds, one attempt from each."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from operator import attrgetter, itemgetter
+
+import numpy as np
+
+from ...interrupts import interrupts_deferred
+from ...problems import Cost, Pose
+from ..library import Library, Neighbour
+from ..ocp import Optimum
+from ..result import Bound, PlannedThrow
+from ..samples import Releases
+from ..throw import Manipulator
+from .attempts import Elastic, Exact, Outcome, attempt
+from .bounds import bound_of
+from .guess import guess_of
+from .move import Corrector, optimum_of
+from .nlp_cache import NlpCache, Task
+from .starts import Starts
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Settings of the search.
+
+    prices [1/m]: of an elastic landing's pose error, one after the other while it comes nearer than
+    `gain` times the last. close [m]: pose error from which the NLP for the target itself is tried.
+    vain, alike: the search ends after so many elastic starts that came no nearer, or so many that
+    ended within `same` [m] of the nearest. known: solved throws that are tried; beside [m]: how
+    near to the target they land.
+    """
+
+    prices: tuple[float, ...] = (100.0, 1000.0, 10_000.0)
+    gain: float = 0.9
+    close: float = 0.03
+    vain: int = 6
+    alike: int = 3
+    same: float = 1e-3
+    known: int = 4
+    beside: float = 0.15
+
+
+SETTINGS = SearchSettings()
+#: Throws differ if their coordinates or rates at the opening's start do by more than this share.
+DIFFERENT_SHARE = 0.1
+#: Throws differ if their flight times do by more than this [s].
+DIFFERENT_FLIGHT = 0.05
+#: Throws into a region of which the cheapest is taken.
+IN_REGION = 3
+#: A warm plan's solution needs few iterations for a target within this pose error [m] of its own.
+NEAR = 0.005
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A solved throw, moved along its slope."""
+
+    near: Neighbour
+
+
+Start = Moved | Exact | Elastic
+
+
+@dataclass(frozen=True, eq=False)
+class SearchContext:
+    """What the searches of one scene share; table: gives its release table; keep: whether the
+    library is in the cache, or stays empty."""
+
+    problems: NlpCache
+    table: Callable[[], Releases]
+    keep: bool = True
+
+    def from_state(self, manipulator: Manipulator) -> SearchContext:
+        """The context of a manipulator that begins in another state of motion.
+
+        It shares NLPs and table, but has no library, whose throws begin at rest.
+        """
+        return replace(self, problems=self.problems.from_state(manipulator), keep=False)
+
+    @cached_property
+    def library(self) -> Library:
+        """The scene's solved throws that the cache has."""
+        return Library(self.problems.scene, self.problems.manipulator, keep=self.keep)
+
+    @cached_property
+    def corrector(self) -> Corrector:
+        """Moves solved throws."""
+        return Corrector(self.library.controls, self.problems)
+
+
+@dataclass
+class Search:
+    """The search for throws to one target; warm: a solved throw to a target nearby.
+
+    found: throws to the target that differ, cheapest first; short: those that limits let come
+    nearest to it, nearest first; broken: how often a limit ended a start without either; elastic:
+    number of elastic starts.
+    """
+
+    context: SearchContext
+    task: Task
+    warm: PlannedThrow | None = None
+    found: list[Outcome] = field(default_factory=list)
+    short: list[Outcome] = field(default_factory=list)
+    broken: Counter[str] = field(default_factory=Counter)
+    elastic: int = 0
+
+    @cached_property
+    def bound(self) -> Bound | None:
+        """What proves that nothing reaches the target, if anything does."""
+        return bound_of(self.task.scene, self.context.problems.manipulator, self.task.target)
+
+    def run(self) -> None:
+        """Tries starts until there are enough throws, or starts are in vain, or time is over."""
+        task, vain = self.task, 0
+        for start in self.starts():
+            if task.budget.late:
+                break
+            with interrupts_deferred():
+                one = self.attempt(start)
+            task.budget.counts["starts"] += 1
+            known, nearest = len(self.found), self.nearest
+            if one.hits:
+                self.found = distinct([*self.found, one])
+            elif isinstance(start, Elastic) and one.ok:
+                self.short = sorted([*self.short, one], key=attrgetter("missed"))
+            else:
+                self.broken.update(one.broken)
+            if isinstance(start, Elastic):
+                gained = len(self.found) > known or self.nearest < SETTINGS.gain * nearest
+                vain = 0 if gained else vain + 1
+            # Asked before the next start is made, which takes a third of an easy plan's time.
+            if self.is_over(vain):
+                break
+
+    @property
+    def nearest(self) -> float:
+        """Pose error [m] of the nearest landing; inf without one."""
+        return self.short[0].missed if self.short else math.inf
+
+    def is_over(self, vain: int) -> bool:
+        """Whether there are enough throws, or further starts seem in vain."""
+        alike = sum(one.missed < self.nearest + SETTINGS.same for one in self.short)
+        # Without any motion another start is worth more.
+        most = SETTINGS.vain if self.short or self.found else 2 * SETTINGS.vain
+        enough = len(self.found) >= self.wanted
+        return enough or vain >= most or (alike >= SETTINGS.alike and not self.found)
+
+    @property
+    def wanted(self) -> int:
+        """Number of throws to look for; local optima of a region differ in cost."""
+        is_new = self.task.target.is_region and self.warm is None
+        return max(self.task.wanted, IN_REGION) if is_new else self.task.wanted
+
+    # Starts.
+
+    def starts(self) -> Iterator[Start]:
+        """Known throws near the target; sampled ones that land near it; then throws of each kind of
+        motion that are brought to it, or as near as limits let them."""
+        problems, task, wanted = self.context.problems, self.task, self.wanted
+        if self.bound is None:
+            yield from self.from_known()
+        with task.budget("build"):
+            table = self.context.table()
+        every = Starts(table, task, problems.manipulator)
+        arriving = every.arriving
+        if self.bound is None:
+            tried = set[bytes]()
+            for starts, near in ((every, every.nearest), (arriving, arriving.by_kind)):
+                for index, goal, _ in near[:wanted]:
+                    if (key := starts.releases.key(index)) not in tried:
+                        tried.add(key)
+                        yield Exact(goal, starts.guess(index))
+        all_over = self.known(math.inf) if self.context.library.complete else []
+        for throw in all_over:
+            x, theta = throw.landing
+            home = throw.goal.in_plane(x, None if throw.goal.theta is None else theta)
+            known = self.context.corrector.start(throw, task)
+            yield Elastic(throw.goal, known.guess, home, known.refinement)
+        if all_over:
+            return
+        drawn = every.drawn
+        for index, goal, _ in sorted(drawn.nearest, key=itemgetter(0)):
+            yield Elastic(goal, drawn.guess(index), drawn.home(index, goal))
+
+    def from_known(self) -> Iterator[Start]:
+        """The warm plan's throw and those of the library near the target, each moved, then solved
+        anew."""
+        task = self.task
+        # A moved throw keeps its place in a region, and its time: another may cost less.
+        may_move = not task.target.is_region and task.scene.weights == Cost()
+        may_move = may_move and task.solver == "fatrop"
+        if self.warm is not None:
+            optimum = self._optimum(self.warm) if may_move else None
+            if optimum is not None:
+                near = Neighbour.of(optimum, self._goal_of(self.warm), task.scene)
+                if near.distance < SETTINGS.beside:
+                    yield Moved(near)
+            yield self.from_warm(self.warm)
+        for near in self.known(SETTINGS.beside):
+            if may_move:
+                yield Moved(near)
+            yield self.context.corrector.start(near, task)
+
+    def _goal_of(self, warm: PlannedThrow) -> Pose:
+        """The target, with the full turns of a warm plan's throw where turns do not count."""
+        target, theta = self.task.target, warm.deciding.landing.theta
+        if target.theta is None or self.task.turns == "exact":
+            return target
+        return target.turned(2 * math.pi * round((theta - target.theta) / (2 * math.pi)))
+
+    def _optimum(self, warm: PlannedThrow) -> Optimum | None:
+        """The warm plan's optimum, with its slope; None without a solution of an NLP for a pose."""
+        if warm.optimum is not None or warm.solution is None:
+            return warm.optimum
+        problems, target = self.context.problems, warm.deciding.target
+        program = problems.problem(target, warm.refinement, "fatrop", self.task.budget)
+        return optimum_of(self.context.library.controls, program, warm)
+
+    def known(self, within: float) -> list[Neighbour]:
+        """The library's nearest throws with a pose error below `within` [m], nearest first."""
+        task, library = self.task, self.context.library
+        return list(library.nearest_throws(task.target, task.turns, SETTINGS.known, within))
+
+    def from_warm(self, warm: PlannedThrow) -> Exact:
+        """The NLP from a warm plan's throw; from its solution where that is of the same NLP."""
+        target, scene = self._goal_of(warm), self.task.scene
+        solution, own = warm.solution, warm.deciding.target
+        if solution is None or own.kind != target.kind:
+            return Exact(target, guess_of(warm, scene))
+        near = target.distance(own, scene.object.half_length) < NEAR
+        return Exact(target, lambda _: solution.x, warm.refinement, warm.aim, solution, near)
+
+    # Attempts.
+
+    def attempt(self, start: Start) -> Outcome:
+        """The throw that a start leads to."""
+        problems, task = self.context.problems, self.task
+        if isinstance(start, Moved):
+            return self.context.corrector.attempt(start.near, task)
+        if isinstance(start, Exact):
+            return attempt(problems, start, task)
+        self.elastic += 1
+        return self.approached(start, from_home=self.elastic % 2 == 0)
+
+    def approached(self, start: Elastic, *, from_home: bool) -> Outcome:
+        """The throw of a start brought as near to the goal as limits let it, price by price.
+
+        from_home: from the optimum at its own landing, which is easy to find; else only if the
+        start itself leads to no motion.
+        """
+        problems, task, best = self.context.problems, self.task, Outcome(start.goal)
+        if from_home:
+            start = self.at_home(start)
+        for price in SETTINGS.prices:
+            one = attempt(problems, start, task, price=price)
+            if one.throw is None and best.throw is None and not from_home:
+                start = self.at_home(start)
+                one = attempt(problems, start, task, price=price)
+            if not one.ok or one.throw is None:
+                best = one if best.throw is None else best
+                break
+            before, best = best.missed, min(best, one, key=attrgetter("missed"))
+            if one.missed > SETTINGS.gain * before:
+                break
+            guess = guess_of(one.throw, task.scene)
+            if one.missed < SETTINGS.close:
+                exact = attempt(problems, Exact(start.goal, guess, one.refinement), task)
+                if exact.hits:
+                    return exact
+            if best.hits:
+                break
+            start = replace(start, guess=guess, refinement=one.refinement, from_miss=True)
+        return best.without_nlp
+
+    def at_home(self, start: Elastic) -> Elastic:
+        """The start from the optimum at its own landing."""
+        home, task = start.home, self.task.aimed_at(start.home)
+        own = Exact(home, start.guess, start.refinement)
+        one = attempt(self.context.problems, own, task, rounds=2, corrections=1)
+        if one.throw is None:
+            return start
+        guess = guess_of(one.throw, task.scene)
+        return replace(start, guess=guess, refinement=one.refinement, from_miss=True)
+
+
+# Several throws to one target: which of them differ.
+
+
+def distinct(found: list[Outcome]) -> list[Outcome]:
+    """The throws that differ from all before them, cheapest first."""
+    kept: list[Outcome] = []
+    for one in sorted(found, key=lambda one: _throw_of(one).effort):
+        if all(_differ(_throw_of(one), _throw_of(other)) for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _throw_of(found: Outcome) -> PlannedThrow:
+    assert found.throw is not None
+    return found.throw
+
+
+def _differ(one: PlannedThrow, other: PlannedThrow) -> bool:
+    """Whether coordinates or rates at the opening's start, or flight times, do."""
+    states = [thrown.planned.at(np.array([thrown.opening_time])) for thrown in (one, other)]
+    for a, b in zip(*((state.pose, state.twist) for state in states), strict=True):
+        most = DIFFERENT_SHARE * max(np.linalg.norm(a), np.linalg.norm(b))
+        if np.linalg.norm(a - b) > most:
+            return True
+    flown = [thrown.deciding.landing.flight_time for thrown in (one, other)]
+    return abs(flown[0] - flown[1]) > DIFFERENT_FLIGHT
