@@ -174,7 +174,7 @@ class Search:
         if self.bound is None:
             tried = set[bytes]()
             for starts, near in ((every, every.nearest), (arriving, arriving.by_kind)):
-                for index, goal, _ in near[:wanted]:
+                for index, goal, _ in near[: 2 * wanted]:
                     if (key := starts.releases.key(index)) not in tried:
                         tried.add(key)
                         yield Exact(goal, starts.guess(index))

@@ -109,5 +109,5 @@ def test_the_browser_moves_the_target(page: PlayPage, served: Any) -> None:
         wait_for(lambda: browser.value(f"!!{field}"))
         browser.value(f"{field}.focus(), {field}.select()")
         browser.type("40")
-        wait_for(lambda: browser.value("document.body.innerText.includes('out of reach')"))
+        wait_for(lambda: browser.value("document.body.innerText.includes('not found')"))
     assert page.place[0].value == 40.0

@@ -107,6 +107,7 @@ def assert_the_same(judge: Judge, values: np.ndarray) -> set[Code]:
 def test_throws_together_are_judged_as_each_by_itself(name: str, tmp_path) -> None:
     """And as the oracle judges them, where a limit is not nearer than its accuracy."""
     plan = tp.plan(SCENES[name]().replace(uncertainty=ALL, robust=None))
+    plan = plan.nearest or plan
     judge, values = scattered(plan)
     together = judge.verdicts(values)
     seen = assert_the_same(judge, values)
