@@ -108,10 +108,10 @@ def _often(folder: Path) -> Iterator[str]:
         yield "## How often, and how fast"
         yield (
             "Random targets are those that a random throw hits. Targets over the map lie all "
-            "over what is in reach, up to its edge; some are just out of reach. A target counts as "
-            "solved if the motion that is sent breaks no limit of the arm and lands within the "
-            "scene's tolerance (mostly 2 mm and 0.5°) by the limit surface. `throwplan prepare` "
-            "solves throws ahead. A target out of reach takes the longest."
+            "over what sampled throws reach, up to its edge; to some no throw is found. A target "
+            "counts as solved if the motion that is sent breaks no limit of the arm and lands "
+            "within the scene's tolerance (mostly 2 mm and 0.5°) by the limit surface. `throwplan "
+            "prepare` solves throws ahead. A plan that finds no throw takes the longest."
         )
         yield "\n".join(Table("often", "", table).markdown())
 

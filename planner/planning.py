@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ..problems import Pose
 from .ocp import Request
-from .result import Binding, Plan, PlannedThrow, binding_words
+from .result import ActiveLimit, Plan, PlannedThrow, binding_words
 from .search import Outcome, Search, SearchContext, Task
 
 #: Throws among which one like the throws of [calibration] is looked for.
@@ -66,15 +66,15 @@ def _not_found(search: Search) -> Plan:
     variables, constraints = problems.nlp(
         Request(task.scene, problems.manipulator, task.target), task.budget
     ).size
-    nearest, binding = None, tuple[Binding, ...]()
+    nearest, binding = None, tuple[ActiveLimit, ...]()
     if search.short:
         nearest = _plan_of(search.context, task, search.short[0])
         words = f"lands at {_place(nearest.target, task.target)}, beside the target"
         nearest = replace(nearest, short_of=task.target, message=words)
-        binding = tuple(map(Binding.of, search.short[0].binding))
+        binding = tuple(map(ActiveLimit.of, search.short[0].binding))
     elif search.broken:
         (_, most), *_ = often = search.broken.most_common()
-        binding = tuple(Binding.of(name) for name, count in often if 2 * count > most)
+        binding = tuple(ActiveLimit.of(name) for name, count in often if 2 * count > most)
     return Plan(
         task.scene,
         problems.manipulator,
@@ -93,7 +93,7 @@ def _not_found(search: Search) -> Plan:
     )
 
 
-def _words(search: Search, nearest: Plan | None, binding: tuple[Binding, ...]) -> str:
+def _words(search: Search, nearest: Plan | None, binding: tuple[ActiveLimit, ...]) -> str:
     """Why there is no throw, in a sentence."""
     task, target = search.task, search.task.target
     count = task.budget.counts["starts"]

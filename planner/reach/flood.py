@@ -224,7 +224,7 @@ class Flood:
         self._seeds = {self._cells(landings[0][i], landings[1][i]) for i in some}
         self._seeds.add(self._cells(self._target.plane_x, self._target.theta))
         for cell in self._seeds:
-            self._push(cell)
+            self._wait_for(cell)
 
         def keep(results: Sequence[CellResult]) -> None:
             for cell, throw in results:
@@ -249,10 +249,9 @@ class Flood:
                 lost, self._running = self._running, {}
                 for cell, task in lost.items():
                     self._tried.pop(cell, None)
-                    self._wait_for(cell)
                     if isinstance(task.source, Releases):
                         self._seeds.add(cell)
-                        self._push(cell)
+                    self._wait_for(cell)
                 run_jobs(partial(self._next_job, None), None, keep)
         finally:
             self._save()
@@ -318,15 +317,11 @@ class Flood:
             self._wait_for(beside)
 
     def _wait_for(self, cell: Cell) -> None:
-        """Puts a cell into the queue, unless it is solved or no throw beside it is left to try."""
-        if self._source(cell) is not None:
-            self._push(cell)
-
-    def _push(self, cell: Cell) -> None:
-        """Puts a cell into the queue."""
-        goal = self._cells.middle(cell, self._target)
-        away = goal.distance(self._target, self._solver.problems.scene.object.half_length)
-        heapq.heappush(self._waiting, (away, cell))
+        """Puts a cell into the queue if it is open: a seed, or with a throw beside it to try."""
+        if cell in self._seeds or self._source(cell) is not None:
+            goal = self._cells.middle(cell, self._target)
+            away = goal.distance(self._target, self._solver.problems.scene.object.half_length)
+            heapq.heappush(self._waiting, (away, cell))
 
     def _save(self) -> None:
         """Adds what was solved to the library."""

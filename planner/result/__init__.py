@@ -1,6 +1,6 @@
 """The result of planning: the plan, its files, and reading them again."""
 
-from .binding import Binding, Bound, binding_words
+from .active_limits import ActiveLimit, Bound, binding_words
 from .files import (
     PlanPath,
     SavedThrow,

@@ -24,7 +24,7 @@ from ..verdict import (
     drop_words,
     verdict,
 )
-from .binding import Binding, Bound
+from .active_limits import ActiveLimit, Bound
 from .files import FILES, NEAREST, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan
 from .motion import SentMotion
 from .motion_files import read_motion, write_motion
@@ -68,7 +68,7 @@ class Plan:
     message: str
     throw: PlannedThrow | None
     nearest: Plan | None = None
-    binding: tuple[Binding, ...] = ()
+    binding: tuple[ActiveLimit, ...] = ()
     bound: Bound | None = None
     solver: str = ""
     starts: int = 0
@@ -252,7 +252,7 @@ class Plan:
             if draw:
                 start = time.perf_counter()
                 load = load_curve(throw) if self.robust else None
-                show.draw_throw(throw, folder / "throw.png", load)
+                show.draw_throw(throw, folder / "throw.png", load, self.short_of)
                 if draw != "png":
                     show.draw_throw_moving(throw, folder / "throw.gif")
                 seconds = {"draw": time.perf_counter() - start}
@@ -271,7 +271,7 @@ class Plan:
         if path is not None and path.suffix != ".png":
             raise InputError(f"file = {str(file)!r}: must be a .png file")
         try:
-            return show.draw_throw(throw, path, load)
+            return show.draw_throw(throw, path, load, self.short_of)
         except OSError as error:
             raise InputError(f"{path}: {error.strerror or error}") from None
 

@@ -52,6 +52,8 @@ SETTINGS = SearchSettings()
 DIFFERENT_SHARE = 0.1
 #: Throws differ if their flight times do by more than this [s].
 DIFFERENT_FLIGHT = 0.05
+#: Sampled releases of each sort that the NLP for the target starts from, for each throw wanted.
+EXACT = 2
 #: Throws into a region of which the cheapest is taken.
 IN_REGION = 3
 #: A warm plan's solution needs few iterations for a target within this pose error [m] of its own.
@@ -174,7 +176,7 @@ class Search:
         if self.bound is None:
             tried = set[bytes]()
             for starts, near in ((every, every.nearest), (arriving, arriving.by_kind)):
-                for index, goal, _ in near[: 2 * wanted]:
+                for index, goal, _ in near[: EXACT * wanted]:
                     if (key := starts.releases.key(index)) not in tried:
                         tried.add(key)
                         yield Exact(goal, starts.guess(index))

@@ -55,16 +55,23 @@ SLOW = 0.2
 
 
 @own_style()
-def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None = None) -> Figure:
+def draw_throw(
+    throw: Throw,
+    path: Path | None,
+    load: tuple[Array, Array] | None = None,
+    short_of: Pose | None = None,
+) -> Figure:
     """The throw as one picture: the plane, the release seen from the hand, plots over time.
 
     path: of the PNG file, None for none. load: times [s] and load of a robust plan's window, see
-    `load_curve`.
+    `load_curve`. short_of: the target that the throw misses, of one that is the nearest found.
     """
     line, scene = timeline(throw), throw.scene
     dx, dtheta = throw.deciding.miss(throw.target)
     angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
     title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
+    if short_of is not None:
+        title = f"{scene.name}: the throw found that lands nearest to {short_of.words}\n"
     title += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n{throw.grip_words}"
     figure = new_figure(12.5, 7.8, title)
     halves = figure.add_gridspec(1, 2, width_ratios=(1.7, 1))

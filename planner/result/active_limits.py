@@ -39,7 +39,7 @@ ADVICE = {
 
 
 @dataclass(frozen=True)
-class Binding:
+class ActiveLimit:
     """A limit, the key of the scene (or of its arm's file) that sets it, and advice."""
 
     limit: str
@@ -47,7 +47,7 @@ class Binding:
     advice: str
 
     @classmethod
-    def of(cls, limit: str) -> Binding:
+    def of(cls, limit: str) -> ActiveLimit:
         """That of a limit's name, such as "joint 4 velocity"."""
         ends = (name for name in sorted(ADVICE, key=len, reverse=True) if limit.endswith(name))
         key, advice = ADVICE.get(next(ends, ""), ("", ""))
@@ -60,7 +60,7 @@ class Binding:
         return asdict(self)
 
 
-def binding_words(binding: Sequence[Binding]) -> str:
+def binding_words(binding: Sequence[ActiveLimit]) -> str:
     """Limits with their advice; limits with one advice together."""
     alike: dict[str, list[str]] = {}
     for one in binding:
