@@ -26,23 +26,23 @@ SEED = 1
 MAP_SEED = 3
 #: Number of targets of each scene: quick, full.
 TARGETS = {
-    "pose": (20, 500),
-    "cup": (5, 500),
-    "box": (0, 500),
-    "flip": (0, 500),
-    "hand-box": (20, 300),
-    "hand-flip": (20, 300),
+    "pose": (20, 200),
+    "cup": (5, 200),
+    "box": (0, 200),
+    "flip": (0, 200),
+    "hand-box": (20, 100),
+    "hand-flip": (20, 100),
 }
 #: Scenes whose library is measured: quick, full.
 LIBRARIES = ("hand-box",), ("pose", "cup", "box", "flip", "fr3")
 #: Number of throws of a library: quick, full.
-THROWS = (60, 5000)
+THROWS = (60, 2000)
 #: Number of targets in random bins of a map: quick, full.
-ON_MAP = (10, 500)
+ON_MAP = (10, 200)
 #: Number of plans that the oracle judges: quick, full.
-JUDGED = (4, 200)
+JUDGED = (4, 100)
 #: Number of warm plans, each to a target beside that of a solved plan: quick, full.
-WARM_PLANS = (4, 300)
+WARM_PLANS = (4, 100)
 #: Pose error [m] (position plus angle times half the length) between the two targets.
 WARM_DISTANCE = 0.008
 #: Number of plans before the timed ones, which build the NLPs: quick, full.

@@ -20,7 +20,7 @@ from .page import Effort, ReportSection
 SEED = 32
 #: Number of bin scenes: quick, full.
 BINS = (2, 30)
-#: Most scenes that are drawn for these; the others are out of reach.
+#: Most scenes that are drawn for these; no throw is found to the others.
 MOST = 200
 #: Feasible releases in the search for one that stays, and states that are tried for them.
 RELEASES, TRIED = 10_000, 45_000

@@ -31,7 +31,7 @@ SCENES = (
     *("hand-flip", "near-cup", "box", "flip"),
 )
 #: Number of scenes by their uncertain parameters: quick, full.
-KINDS = {"delay": (1, 20), "delay, friction, patch radius, mass": (1, 20), "all": (1, 20)}
+KINDS = {"delay": (1, 12), "delay, friction, patch radius, mass": (1, 12), "all": (1, 12)}
 #: Least 95 % error [m] of a plain plan in the study; a smaller one leaves nothing to gain.
 HARD = 2e-3
 #: Most targets tried in a scene.

@@ -24,7 +24,7 @@ HORIZON = 0.02
 #: Scenes whose swings are followed.
 SCENES = ("pose", "cup", "fr3")
 #: Number of targets of each scene: quick, full.
-TARGETS = (3, 100)
+TARGETS = (3, 50)
 
 
 def make(effort: Effort) -> ReportSection:

@@ -154,7 +154,7 @@ class Session:
         """What to send from `t` + horizon on, by what was measured at time `t` [s] of the swing.
 
         q, dq (joints,) [rad, rad/s]: of all joints, or of those that throw. target: where it is at
-        `t`, in the throw's plane, and how it moves; without one the plan's. A target out of reach
+        `t`, in the throw's plane, and how it moves; without one the plan's. A target too far
         is no error: the motion is kept, and stopped before the opening where it would miss by more
         than 0.03 m (pose error). InputError for numbers that are none, a time that does not rise,
         joints or a target that are not there; the motion is then as before. Safe to call from any
@@ -380,7 +380,7 @@ class Session:
             return f"it cannot stop: {judged.broken[0].words}"
         self.throw = dataclasses.replace(throw, path=samples.path, samples=samples)
         self._is_stopped = True
-        return "stopped: the target is out of reach of what is left of the swing"
+        return "stopped: the target is too far for what is left of the swing"
 
     def _update_of(self, status: Status, words: str, first: int, expected: ExpectedThrow) -> Update:
         """The update."""

@@ -89,7 +89,6 @@ def test_a_target_that_leaves_the_reach_stops_the_swing(pose_planner, plan) -> N
     updates, sent, _ = played(session, lambda t: target.changed(x=target.x + 40 * t**2), 10)
     last = updates[-1]
     assert last.status == "stopped" and last.command_time is None
-    assert "out of reach" in last.message
     assert TICK * len(sent.q) < TICK * len(plan.throw.samples.q) + 0.2
     # Stopped it stays, whatever the target does then.
     again = session.update(0.5, sent.q[-1], sent.dq[-1], target)
