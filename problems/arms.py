@@ -84,7 +84,9 @@ class GripperData:
         "N, of one pad, the most that a scene may ask for; left out: not known", None, above=0
     )
     open_width: float = described("m, gap of the open pads", 0.08, above=0)
-    capsules: tuple[GripperCapsule, ...] = described("its shapes, see [[capsules]]", ())
+    capsules: tuple[GripperCapsule, ...] = described(
+        "its shapes, see [[capsules]]; left out: its collisions are not checked", ()
+    )
     delay: Distribution | None = described(
         "s, of the opening about `dwell`, as in [uncertainty], where a scene leaves out both", None
     )
@@ -128,7 +130,7 @@ class GripperData:
         if tables.get("capsules"):
             arm_capsules = [row for row in tables["capsules"] if row.get("link") != joints + 1]
             result["capsules"] = arm_capsules + [
-                {"link": joints + 1} | row for row in own["capsules"]
+                {"link": joints + 1} | row for row in own.get("capsules", ())
             ]
         if tables.get("overlaps"):
             rows = enumerate(tables.get("capsules", ()), start=1)
@@ -179,7 +181,7 @@ def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None 
     if not isinstance(tool := tables.get("tool", {}), dict):
         raise InputError(f"tool = {tool!r}: must be a section")
     arm = arm_from(gripper.on(tables))
-    notes = filter(None, (_replacement(tables, arm, gripper), _overlaps_of(arm, gripper)))
+    notes = filter(None, (_replacement(tables, arm, gripper), _shape_words(arm, gripper)))
     return replace(arm, hand_links=(), notes=(*arm.notes, *notes))
 
 
@@ -196,9 +198,11 @@ def _replacement(tables: Mapping[str, Any], arm: Arm, gripper: GripperData) -> s
     return f"{gripper.description} takes the place of the arm's own hand ({words})"
 
 
-def _overlaps_of(arm: Arm, gripper: GripperData) -> str:
-    """Words for how deep a gripper may be in the arm's links, see `shape_overlaps`; empty if it
-    must keep off all. InputError for a gripper that is all inside a link."""
+def _shape_words(arm: Arm, gripper: GripperData) -> str:
+    """Words for a gripper without shapes, or for how deep it may be in the arm's links, see
+    `shape_overlaps`; empty if it must keep off all. InputError if it is all inside a link."""
+    if arm.capsules and not gripper.capsules:
+        return f"no [[capsules]] of {gripper.description}: it keeps off nothing"
     allowed, depths = shape_overlaps(arm), dict[int, float]()
     for (i, part), (j, link) in itertools.permutations(enumerate(arm.capsules), 2):
         depth = float(allowed[i, j])

@@ -106,11 +106,12 @@ class Jobs(JobKeys):
     """Picks and bins of one arm. Read from a file by `load_jobs`.
 
     base: tables of the scene without target, cup and start; arm, gripper, contact, workspace,
-    obstacles, tolerance, limits and cost are the scene's.
+    obstacles, tolerance, limits and cost are the scene's. base_scene: the same as it was read.
     """
 
     name: str
     base: dict[str, Any]
+    base_scene: Scene
     arm: Arm
     bins: tuple[Bin, ...]
     picks: tuple[Pick, ...]
@@ -230,24 +231,27 @@ def load_jobs(source: str | Path) -> Jobs:
 def jobs_from(tables: Mapping[str, Any], name: str, folder: Path | None = None) -> Jobs:
     """Jobs from the tables of their file; folder: of the scene file that they name."""
     mistakes = Mistakes()
-    keys, base, arm, bins, picks = None, None, None, (), ()
+    keys, base, bins, picks = None, None, (), ()
     with mistakes.kept():
         own = {key: value for key, value in tables.items() if key not in ("bin", "pick")}
         keys = from_table(JobKeys, own)
     with mistakes.kept():
         if isinstance(tables.get("scene"), str):
-            base, arm = _base(tables["scene"], folder)
+            base = _base(tables["scene"], folder)
     with mistakes.kept():
         bins = _rows("bin", Bin, BIN_SECTIONS, tables.get("bin"))
     with mistakes.kept():
         picks = _rows("pick", Pick, PICK_SECTIONS, tables.get("pick"))
     mistakes.refuse()
-    assert keys is not None and base is not None and arm is not None
-    return Jobs(**vars(keys), name=name, base=base, arm=arm, bins=bins, picks=picks)
+    assert keys is not None and base is not None
+    table, scene = base
+    assert scene.arm is not None
+    own = {"name": name, "base": table, "base_scene": scene}
+    return Jobs(**vars(keys), **own, arm=scene.arm, bins=bins, picks=picks)
 
 
-def _base(name: str, folder: Path | None) -> tuple[dict[str, Any], Arm]:
-    """The scene's tables without target, cup and start, and its arm."""
+def _base(name: str, folder: Path | None) -> tuple[dict[str, Any], Scene]:
+    """The scene's tables without target, cup and start, and the scene without a cup."""
     path = folder / name if folder is not None and name.endswith(".toml") else name
     with within(f"scene = {name!r}"):
         scene = load_scene(path)
@@ -261,7 +265,7 @@ def _base(name: str, folder: Path | None) -> tuple[dict[str, Any], Arm]:
     table["robot"] = {key: v for key, v in table["robot"].items() if key != "start_deg"}
     for key in ("target", "cup", "description"):
         table.pop(key, None)
-    return table, scene.arm
+    return table, scene.changed(cup=None)
 
 
 def _rows(key: str, kind: type[Any], sections: tuple[str, ...], value: Any) -> tuple[Any, ...]:

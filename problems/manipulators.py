@@ -24,7 +24,7 @@ class Hand(Section):
     speed: float = quantity("m/s, each axis", above=0, most=1e3)
     acceleration: float = quantity("m/s², each axis", above=0, most=1e5)
     theta: tuple[float, float] = quantity(
-        "degrees, lowest and highest; a hand without rotation keeps the first",
+        "degrees, lowest and highest; of a hand without rotation one angle, twice",
         degrees=True,
         default=(0.0, 0.0),
     )
@@ -57,6 +57,9 @@ class Hand(Section):
             raise InputError("angular_speed and angular_acceleration: give both or neither")
         if self.turns and self.theta[0] == self.theta[1]:
             raise InputError("theta_deg: a hand that turns needs [lowest, highest]")
+        if not self.turns and self.theta[0] != self.theta[1]:
+            ends = [round(math.degrees(v), 6) for v in self.theta]
+            raise InputError(f"theta_deg = {ends}: must be one angle twice without angular_speed")
         if (self.start_theta is not None) and (self.start is None or not self.turns):
             raise InputError("start_theta_deg: needs 'start' and a hand that turns")
         if self.start and self.turns and self.start_theta is None:

@@ -128,6 +128,8 @@ class Scene(Section):
                     yield f"[{key}]: only for a scene with [hand] or [robot]"
             if self.target is not None and not self.target.at_rest:
                 yield "[target] velocity and arrival: only for a scene with [hand] or [robot]"
+            if self.gripper.sticking_margin != Gripper.sticking_margin:
+                yield "[gripper] sticking_margin: only for a scene with [hand] or [robot]"
         if self.hand is not None and self.bounds.palm_clearance is not None:
             yield "[workspace] palm_clearance: only for a scene with [robot]; a [hand] has no palm"
         jerks = self.robot is not None and self.robot.control == "jerk"
@@ -413,7 +415,9 @@ class Scene(Section):
         if self.arm is not None:
             words = [*self.arm.notes]
             if self.robot is not None and not self.arm.capsules:
-                words += ["no [[capsules]]: its joints keep off the floor, its links off nothing"]
+                words += [
+                    "no [[capsules]]: its joints keep off the floor, links and hand off nothing"
+                ]
             sentences += [f"arm {self.arm.name}: {each}" for each in words]
         cup, target = self.cup, self.target
         if cup is not None and target is not None and cup.x == target.x != target.plane_x:

@@ -199,7 +199,7 @@ class Obstacle(Section):
     clearance: float = quantity("m, from everything that moves", least=0, most=1.0, default=0.01)
 
     def check(self) -> None:
-        """`size` has as many numbers as its kind requires."""
+        """`size` has as many numbers as its kind requires; a sphere is not turned."""
         said, count = {
             "box": ("length, width and height", 3),
             "sphere": ("radius", 1),
@@ -207,6 +207,9 @@ class Obstacle(Section):
         }[self.kind]
         if len(self.size) != count:
             raise InputError(f"size = {list(self.size)}: of a {self.kind} it must be [{said}]")
+        for key, angle in (("yaw_deg", self.yaw), ("pitch_deg", self.pitch)):
+            if angle and self.kind == "sphere":
+                raise InputError(f"{key} = {math.degrees(angle):g}: not of a sphere")
 
     @property
     def solid(self) -> Solid:

@@ -170,7 +170,7 @@ def export_arguments(add: Add) -> None:
     words = "write a rosbag2 (MCAP) with trajectory and gripper command to this folder"
     add("--ros", metavar="DIR", help=words)
     add("--joint-names", nargs="+", metavar="NAME", help="names of all joints in ROS")
-    words = "width [m] of the open gripper in its ROS command, at most 0.5 (default: 0.08)"
+    words = "width [m] of the open gripper in its ROS command, at most 0.5 (default: the arm's)"
     add("--open-width", type=number(), metavar="M", help=words)
     add_nearest(add)
 

@@ -9,8 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from ...models import ReadOnly
+from ...problems import Scene
 from ...problems.files import filling, plain, write_json
-from ..result import SentMotion, carry_entries, saved_entries, write_motion
+from ..result import (
+    SentMotion,
+    allowed,
+    assumed_words,
+    carry_entries,
+    exceeded_entries,
+    exceeded_words,
+    saved_entries,
+    write_motion,
+)
 from ..throw import TICK
 from ..uncertainty import warnings
 from ..verdict import calibrated_landing
@@ -30,12 +40,13 @@ class UnsolvedError(Exception):
 class Cycle(ReadOnly):
     """The result of `plan_cycle`.
 
-    name: of the jobs. motion: through all picks and throws, from rest to rest; None where `refused`
-    says why there is none. order: "given", or "exact" if all orders were compared. time [s]: of
-    planning.
+    name: of the jobs. scene: theirs. motion: through all picks and throws, from rest to rest; None
+    where `refused` says why there is none. order: "given", or "exact" if all orders were compared.
+    time [s]: of planning.
     """
 
     name: str
+    scene: Scene
     motion: SentMotion | None = None
     order: str = "given"
     time: dict[str, float] = field(default_factory=dict)
@@ -85,6 +96,9 @@ class Cycle(ReadOnly):
                 "order": self.order,
                 "steps": [carry_entries(one) for one in carries],
                 "findings": [finding.to_dict() for finding in findings],
+                "exceeds": exceeded_entries(allowed(self.scene)),
+                "assumed": self.scene.assumed,
+                "notes": self.scene.notes,
                 "warnings": self.warnings if self.solved else (),
                 "time": self.time,
             }
@@ -122,4 +136,9 @@ class Cycle(ReadOnly):
             lines.append(f"  {one.pick:16} {one.bin:12} {times}   {error}")
         each = self.duration / len(self.motion.carries)
         lines.append(f"  {each:.2f} s an object; planned in {self.time['total']:.1f} s")
-        return "\n".join(lines + [f"  warning: {words}" for words in self.warnings])
+        lines += [f"  warning: {words}" for words in self.warnings]
+        if beyond := allowed(self.scene):
+            lines.append(f"  {exceeded_words(beyond, 'may take ')}")
+        if words := assumed_words(self.scene):
+            lines.append(f"  {words}")
+        return "\n".join(lines + [f"  note: {words}" for words in self.scene.notes])

@@ -55,7 +55,7 @@ def plan_cycle(
     planned = time.perf_counter() - started
     if throws.trouble:
         spent = {"throws": planned, "total": planned}
-        return Cycle(jobs.name, refused=throws.trouble, time=spent)
+        return Cycle(jobs.name, jobs.base_scene, refused=throws.trouble, time=spent)
     say(f"{jobs.name}: finding the order")
     network = Network(jobs, throws.found, objects)
     try:
@@ -64,10 +64,11 @@ def plan_cycle(
         motion = sequence(jobs, network, chosen, throws.again)
     except UnsolvedError as error:
         spent = {"throws": planned, "total": time.perf_counter() - started}
-        return Cycle(jobs.name, refused=str(error), time=spent)
+        return Cycle(jobs.name, jobs.base_scene, refused=str(error), time=spent)
     total = time.perf_counter() - started
     spent = {"throws": planned, "transfers": total - planned, "total": total}
-    return Cycle(jobs.name, motion, jobs.order if jobs.order == "given" else "exact", spent)
+    order = jobs.order if jobs.order == "given" else "exact"
+    return Cycle(jobs.name, jobs.base_scene, motion, order, spent)
 
 
 def with_joints(jobs: Jobs) -> Jobs:

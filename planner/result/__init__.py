@@ -23,3 +23,4 @@ from .motion_files import (
 )
 from .plan import Plan, draw_flight, plan_of, sent_motion, sent_throw, throw_of
 from .planned_throw import PLAIN, PlannedThrow
+from .recommended import allowed, assumed_words, exceeded_entries, exceeded_words

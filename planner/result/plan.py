@@ -29,7 +29,7 @@ from .files import FILES, NEAREST, PlanPath, SavedThrow, Status, entries_of, pat
 from .motion import SentMotion
 from .motion_files import read_motion, write_motion
 from .planned_throw import PLAIN, PlannedThrow
-from .recommended import assumed_words, exceeded, exceeded_words
+from .recommended import assumed_words, exceeded, exceeded_entries, exceeded_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -156,10 +156,7 @@ class Plan:
             "binding": [one.to_dict() for one in self.binding],
             "bound": self.bound and self.bound.to_dict(),
             "starts": self.starts,
-            "exceeds": {
-                name: {"value": value, "recommended": most}
-                for name, (value, most) in self.exceeds.items()
-            },
+            "exceeds": exceeded_entries(self.exceeds),
             "assumed": list(self.scene.assumed),
             "solver": {"name": self.solver, "iterations": self.iterations},
             "nlp": {"variables": self.variables, "constraints": self.constraints},

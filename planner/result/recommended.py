@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...models import Array
 from ...problems import Scene, Torque
-from ..throw import Throw
+from ..throw import Throw, torque_limits
 
 #: Names of recommendations: words, unit with its scale from SI, and decimals.
 _WORDS = {
@@ -21,34 +22,55 @@ _WORDS = {
 def exceeded(throw: Throw) -> dict[str, tuple[float, float]]:
     """Value and recommendation, SI units, of each that a throw exceeds: torque_rate, torque (as a
     share of the arm's limit), tool_speed, grip_force."""
-    scene, arm = throw.scene, throw.scene.arm
-    found = {"grip_force": (scene.gripper.profile().full, scene.gripper.continuous)}
+    scene = throw.scene
+    if torque_limits(scene) is None:
+        return _beyond(scene, throw.measured.speed.value)
+    torques = throw.torques
+    return _beyond(scene, throw.measured.speed.value, torques.use, torques.rate)
+
+
+def allowed(scene: Scene) -> dict[str, tuple[float, float]]:
+    """As `exceeded`, of what a scene allows a motion."""
+    return _beyond(scene, scene.tool_speed, 1.0 - scene.torque_margin, scene.torque_rate)
+
+
+def _beyond(
+    scene: Scene, speed: float | None, use: Array | float = 0.0, rate: float | None = None
+) -> dict[str, tuple[float, float]]:
+    """Of a grip as the scene's, a tool speed [m/s], a use of the scene's torque limits and a torque
+    rate [N m/s] those beyond recommendations."""
+    arm, own = scene.arm, torque_limits(scene)
+    found: dict[str, tuple[float | None, float | None]] = {
+        "grip_force": (scene.gripper.profile().full, scene.gripper.continuous)
+    }
     if arm is not None and scene.robot is not None:
         limits = arm.limits
-        if limits.tool_speed is not None:
-            found["tool_speed"] = throw.measured.speed.value, limits.tool_speed
-        if arm.links:
+        found["tool_speed"] = speed, limits.tool_speed
+        if own is not None:
             margin = Torque.MARGIN if limits.torque_margin is None else limits.torque_margin
-            joints = scene.robot.throwing_joints or arm.throwing_joints
-            own = np.array(limits.torque)[np.array(joints) - 1]
-            use = float((throw.torques.use * throw.torques.limits / own).max())
-            found["torque"] = use, 1.0 - margin
-            found["torque_rate"] = throw.torques.rate, limits.torque_rate
+            makers = np.array(limits.torque)[np.array(arm.throwing_joints) - 1]
+            found["torque"] = float((use * own / makers).max()), 1.0 - margin
+            found["torque_rate"] = rate, limits.torque_rate
     return {
         name: (value, most)
         for name, (value, most) in found.items()
-        if most is not None and value > most * (1 + 1e-9)
+        if value is not None and most is not None and value > most * (1 + 1e-9)
     }
 
 
-def exceeded_words(found: Mapping[str, tuple[float, float]]) -> str:
-    """What a throw exceeds, and by how much, in one line."""
+def exceeded_words(found: Mapping[str, tuple[float, float]], may: str = "") -> str:
+    """What a throw exceeds, and by how much, in one line; may: words for what it only may."""
     parts = []
     for name, values in found.items():
         words, unit, scale, decimals = _WORDS[name]
         value, most = (f"{scale * each:,.{decimals}f}" for each in values)
         parts.append(f"{words} {value} instead of {most} {unit}")
-    return f"more than the maker recommends: {', '.join(parts)}"
+    return f"{may}more than the maker recommends: {', '.join(parts)}"
+
+
+def exceeded_entries(found: Mapping[str, tuple[float, float]]) -> dict[str, dict[str, float]]:
+    """The same as JSON."""
+    return {name: {"value": v, "recommended": most} for name, (v, most) in found.items()}
 
 
 def assumed_words(scene: Scene) -> str:

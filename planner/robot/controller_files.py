@@ -18,7 +18,6 @@ from ..cycle import Cycle
 from ..result import Carry, Plan, SentMotion, write_table
 from ..throw import TICK, Samples, Throw
 from .franka import check_hand
-from .gripper import OPEN_WIDTH
 from .motions import (
     GripperCommand,
     arm_of,
@@ -61,7 +60,7 @@ def export(
     plan: a plan, a throw, a cycle, a sent motion, or the path of their file or of its folder.
     franka, ros: folders for the files of libfranka and of ROS 2 (extra `ros`). names: of all joints
     in ROS;
-    open_width [m]: gap of the opened gripper in its ROS commands, 0.08 where left out. Raises
+    open_width [m]: gap of the opened gripper in its ROS commands, the arm's where left out. Raises
     InputError for a plan that must not be sent and for folders that cannot be written.
     """
     if franka is None and ros is None:
@@ -70,7 +69,7 @@ def export(
         raise InputError("--joint-names: only with --ros")
     if ros is None and open_width is not None:
         raise InputError("--open-width: only with --ros")
-    width = OPEN_WIDTH if open_width is None else checked("--open-width", open_width, float, WIDTHS)
+    width = None if open_width is None else checked("--open-width", open_width, float, WIDTHS)
     if ros is not None:
         # Refuse a missing extra before reading the plan.
         ros_typestore()
@@ -81,9 +80,9 @@ def export(
         raise InputError(f"--franka: {words}")
     if franka is not None:
         check_hand("--franka", motion)
-    joints = joint_names(arm, names)
+    joints, opened = joint_names(arm, names), arm.tool.open_width if width is None else width
     commands = [
-        GripperCommand(command.time, 0.0 if command.force else width, command.force)
+        GripperCommand(command.time, 0.0 if command.force else opened, command.force)
         for command in commands_of(motion)
     ]
     with ExitStack() as stack:

@@ -154,8 +154,13 @@ def check_motion(where: str | Path, motion: SentMotion) -> None:
 
 
 def check_hand(where: str | Path, motion: SentMotion) -> None:
-    """InputError, naming `where`, unless a Franka Hand has the scene's force and closes at a
-    cycle's picks in time."""
+    """InputError, naming `where`, unless a Franka Hand opens as wide as the plan's, has the scene's
+    force and closes at a cycle's picks in time."""
+    if (width := arm_of(motion).tool.open_width) > OPEN_WIDTH:
+        raise InputError(
+            f"{where}: the plan's hand opens by {width:g} m, a Franka Hand by {OPEN_WIDTH:g} m at "
+            "most: plan it with a [gripper] file of that open_width"
+        )
     for carry in motion.carries:
         scene, close = carry.throw.scene, grasp_of(carry)
         if close.force > FORCES[1]:

@@ -102,7 +102,7 @@ def changed(scene: Scene, random: np.random.Generator) -> Scene:
     for name, size in kinds.items():
         if now(0.3):
             at = random.uniform((0.1, -0.4, 0.0), (1.2, 0.4, 1.3))
-            turn = random.uniform(-math.pi, math.pi, 2)
+            turn = random.uniform(-math.pi, math.pi, 2) * (name != "sphere")
             near = random.uniform(0.0, 0.03)
             obstacles.append(Obstacle(name, name, tuple(size), tuple(at), *turn, near))
     return replace(scene, obstacle=tuple(obstacles), **changes)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import with_grip
+from builders import varied, with_grip
 from job_lists import HAMMER, ONE, POSE, POST, TWO, write_random_jobs
 from throwplan.planner.cli import main
 from throwplan.planner.cycle import Cycle, plan_cycle
@@ -93,7 +93,7 @@ def test_it_returns_to_its_first_pick(cycled: Path) -> None:
 def test_a_cycle_is_read_back_and_judged_again(cycled: Path, tmp_path: Path) -> None:
     motion = read_motion(cycled)
     assert motion.verdict.ok
-    Cycle("two", motion).save(tmp_path)
+    Cycle("two", motion.carries[0].throw.scene, motion).save(tmp_path)
     assert (tmp_path / "motion.csv").read_text() == (cycled / "motion.csv").read_text()
 
 
@@ -168,8 +168,19 @@ def test_an_outline_of_a_pick_replaces_the_scene_s_width(tmp_path: Path) -> None
     assert jobs.scene_of(jobs.picks[0], jobs.bins[0]).object.width == pytest.approx(0.136)
 
 
+def test_a_cycle_says_what_its_scene_assumes_and_allows_beyond_the_maker(cycled: Path) -> None:
+    scene = read_motion(cycled).carries[0].throw.scene
+    wide = varied(scene, robot={"tool_speed": 9.0}, gripper={"continuous": 10.0, "peak": 200.0})
+    said = [Cycle("two", one).to_dict() for one in (scene, wide)]
+    assert said[0]["exceeds"] == {} and said[1]["assumed"] == list(wide.assumed)
+    assert said[1]["exceeds"]["tool_speed"]["value"] == 9.0
+    assert said[1]["exceeds"]["grip_force"]["recommended"] == 10.0
+
+
 def test_throws_unlike_the_calibrated_ones_are_warned_of(cycled: Path) -> None:
-    cycle = Cycle("two", read_motion(cycled))
+    motion = read_motion(cycled)
+    scene = motion.carries[0].throw.scene
+    cycle = Cycle("two", scene, motion)
     assert not any("[calibration]" in words for words in cycle.warnings)
     known = dict.fromkeys(("x", "theta", "position", "angle"), 0.0)
     known |= {"x_interval": (0.0, 0.0), "theta_interval": (0.0, 0.0), "throws": 20, "level": 0.9}
@@ -178,7 +189,9 @@ def test_throws_unlike_the_calibrated_ones_are_warned_of(cycled: Path) -> None:
     section = Calibration(**known)
     throws = (one.throw for one in cycle.motion.carries)
     calibrated = (throw.in_scene(throw.scene.replace(calibration=section)) for throw in throws)
-    found = set(Cycle("two", cycle.motion.in_throws(*calibrated)).warnings) - set(cycle.warnings)
+    found = set(Cycle("two", scene, cycle.motion.in_throws(*calibrated)).warnings) - set(
+        cycle.warnings
+    )
     assert all("[calibration] does not hold here: speed at detach" in words for words in found)
     names = {name for words in found for name in words.partition(":")[0].split(", ")}
     assert names == {"part", "other part"}

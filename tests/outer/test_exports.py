@@ -275,7 +275,8 @@ def test_the_node_for_ros_sends_both_goals_in_time(turned, tmp_path, run, node_o
     command = turned[0].to_dict()["release"]["command_time"]
     # The stand-in's clock goes on by 1 ms whenever it is read.
     assert when - trajectory.header.stamp == pytest.approx(command, abs=2.1e-3)
-    assert gripper == "/gripper_controller/gripper_cmd" and opening.command.position == 0.08
+    assert gripper == "/gripper_controller/gripper_cmd"
+    assert opening.command.position == turned[0].scene.arm.tool.open_width
 
 
 def test_a_cycles_bag_closes_at_each_pick_and_opens_for_each_throw(

@@ -15,6 +15,7 @@ from builders import varied
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from throwplan.problems import arms
 from throwplan.problems.job_files import jobs_names, load_jobs
 from throwplan.problems.scene_files import scene_from_table
 
@@ -328,6 +329,36 @@ VOID = [
 def test_what_would_do_nothing_in_a_scene_is_refused(name, section, words, tmp_path) -> None:
     message = refusal(tmp_path, f"{tp.scene_text(name)}\n{section}\n")
     assert re.search(words, message) and message.count("\n") <= 1, message
+
+
+@pytest.mark.parametrize(
+    ("name", "heading", "key"),
+    [
+        ("drop", "[gripper]", "sticking_margin = 0.2"),
+        ("hand-box", "[hand]", "theta_deg = [-30.0, 30.0]"),
+    ],
+)
+def test_keys_that_would_do_nothing_beside_others_are_refused(name, heading, key, tmp_path) -> None:
+    text = tp.scene_text(name).replace(heading, f"{heading}\n{key}")
+    assert f"{heading} {key.split()[0]}" in refusal(tmp_path, text)
+
+
+@pytest.mark.parametrize("key", ["yaw_deg", "pitch_deg"])
+def test_a_sphere_is_not_turned(key, tmp_path) -> None:
+    ball = '[[obstacle]]\nname = "a"\nkind = "sphere"\nsize = [0.1]\nposition = [0, 0, 0]\n'
+    text = f"{tp.scene_text('pose')}\n{ball}{key} = 20.0\n"
+    assert f"{key} = 20: not of a sphere" in refusal(tmp_path, text)
+
+
+def test_a_gripper_without_shapes_is_said(tmp_path) -> None:
+    """Of an arm that has some."""
+    hand = (Path(arms.__file__).parent / "grippers" / "franka-hand.toml").read_text("utf-8")
+    (tmp_path / "hand.toml").write_text(hand[: hand.index("capsules =")], encoding="utf-8")
+    text = tp.scene_text("pose").replace('file = "franka-hand"', 'file = "hand.toml"')
+    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+    scene = tp.load_scene(tmp_path / "scene.toml")
+    assert not [one for one in scene.arm.capsules if one.link > scene.arm.joints]
+    assert any("no [[capsules]] of Franka Hand" in words for words in scene.notes)
 
 
 @pytest.mark.parametrize(
