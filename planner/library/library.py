@@ -67,8 +67,7 @@ class Neighbour:
 class Library:
     """The solved throws of a scene that the cache has.
 
-    records (N,): see `record_type`; complete: whether they are all over the reach;
-    folder: where they are stored, None for nowhere.
+    records (N,): see `record_type`; folder: where they are stored, None for nowhere.
     """
 
     def __init__(self, scene: Scene, manipulator: Manipulator, *, keep: bool = True) -> None:
@@ -89,8 +88,6 @@ class Library:
 
     def _take(self, records: Records) -> None:
         """Keeps of several throws to one landing the cheapest."""
-        self.complete = bool(records["end"].any())
-        records = records[~records["end"]]
         order = np.argsort(records["effort"], kind="stable")
         places = np.ascontiguousarray(records["landing"][order]).view("<u8").ravel()
         _, first = np.unique(places, return_index=True)
@@ -103,31 +100,19 @@ class Library:
             part = np.array(records, self._type)
             name, _ = write_file(self.folder, part)
             self._parts[name] = part
-            self._take(np.concatenate([self.records, self._end, part]))
+            self._take(np.concatenate([self.records, part]))
 
     def merge(self) -> None:
         """Makes one file of many, so that the next planner opens it sooner."""
         if len(self._parts) < 2 or self.folder is None:
             return
-        name, written = write_file(self.folder, np.concatenate([self.records, self._end]))
+        name, written = write_file(self.folder, self.records)
         if not written:
             return
         for part in self._parts.keys() - {name}:
             with contextlib.suppress(OSError):
                 (self.folder / part).unlink()
         self._parts = {name: self.records}
-
-    @property
-    def _end(self) -> Records:
-        """The record of its end (1,), or none."""
-        return np.array([self.end] if self.complete else [], self._type)
-
-    @property
-    def end(self) -> Records:
-        """The record that the library has throws all over the reach."""
-        row = np.zeros((), self._type)
-        row["end"] = True
-        return row
 
     def record(self, optimum: Optimum, landing: tuple[float, float]) -> Records:
         """The record of a throw that lands there."""

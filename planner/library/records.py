@@ -28,12 +28,10 @@ NUMBERS = ("landing", "u", "slope", "detach", "effort", "smoothing")
 def record_type(controls: ReducedVariables, angle: bool) -> np.dtype[Any]:
     """The fields of a record, those of `Optimum` in single precision.
 
-    landing: x [m], theta [rad]. end: the record is no throw, but says that the library has
-    throws all over the reach.
+    landing: x [m], theta [rad].
     """
     f, u = "<f4", controls.size
     fields: list[Any] = [
-        ("end", "?"),
         ("landing", f, 2),
         ("u", f, u),
         ("slope", f, (u, 2 if angle else 1)),
@@ -75,16 +73,16 @@ def are_valid(records: Records, controls: ReducedVariables) -> Flags:
     """Which records (N,) have numbers in range and readable texts."""
     numbers = [records[name].reshape(len(records), -1) for name in NUMBERS]
     good = np.isfinite(np.hstack(numbers)).all(axis=1)
-    good &= (records["effort"] > 0) | records["end"]
+    good &= records["effort"] > 0
     for name in ("landing", "detach"):
         good &= (np.abs(records[name]) < FARTHEST).all(axis=1)
-    good &= (records["nlp_size"] > 0).all(axis=1) | records["end"]
+    good &= (records["nlp_size"] > 0).all(axis=1)
     for name, read in (("guards", _guards), ("margins", _margins)):
         texts = records[name].reshape(len(records), -1)
         wrong = {text for text in set(texts.ravel().tolist()) if not _is_readable(read, text)}
         if wrong:
             good &= [wrong.isdisjoint(row) for row in texts.tolist()]
-    good[good] &= controls.near_bounds(records["u"][good].astype(float)) | records["end"][good]
+    good[good] &= controls.near_bounds(records["u"][good].astype(float))
     return np.asarray(good)
 
 

@@ -24,7 +24,6 @@ from ...problems import Pose, Scene
 from ..library import Library, Neighbour, Records
 from ..ocp import BASE, Optimum, ReducedVariables, Request
 from ..samples import Releases, sparse_parents, starts
-from ..search import SETTINGS as SEARCH
 from ..search import Budget, Corrector, Exact, NlpCache, Starts, Task, attempt, optimum_of
 from ..throw import make_manipulator
 from ..workers import Progress, run_jobs
@@ -45,7 +44,7 @@ class FloodSettings:
     cells are made finer where they hold too few throws, and finer: for this share of what is asked.
     """
 
-    seeds: int = 24
+    seeds: int = 48
     starts: int = 2
     sources: int = 2
     moves: int = 2
@@ -173,8 +172,6 @@ def grow(
         before, most = len(library), SETTINGS.most * throws if not turn else throws
         flood = Flood(CellSolver(problems), releases, library, cells, most)
         flood.run(landings, throws, executor, progress)
-        if flood.is_dense:
-            library.add([library.end])
         # A library that was begun before may have the first cells full.
         if len(library) >= SETTINGS.enough * throws or (turn and len(library) == before):
             return
@@ -255,12 +252,6 @@ class Flood:
                 run_jobs(partial(self._next_job, None), None, keep)
         finally:
             self._save()
-
-    @property
-    def is_dense(self) -> bool:
-        """Whether it ended with a throw near enough to be moved to any landing in reach."""
-        apart = self._solver.problems.scene.object.pose_error(self._cells.x, self._cells.theta)
-        return not self._waiting and len(self._solved) > 1 and bool(apart < SEARCH.beside)
 
     def _next_job(self, executor: Executor | None) -> Callable[[], list[CellResult]] | None:
         """What solves the next cells; None while no cell waits."""

@@ -33,8 +33,8 @@ class SearchSettings:
     prices [1/m]: of an elastic landing's pose error, one after the other while it comes nearer than
     `gain` times the last. close [m]: pose error from which the NLP for the target itself is tried.
     vain, alike: the search ends after so many elastic starts that came no nearer, or so many that
-    ended within `same` [m] of the nearest. known: solved throws that are tried; beside [m]: how
-    near to the target they land.
+    ended within `same` [m] of the nearest. known: solved throws of a library that are
+    tried; beside [m]: how near to the target they land.
     """
 
     prices: tuple[float, ...] = (100.0, 1000.0, 10_000.0)
@@ -180,14 +180,6 @@ class Search:
                     if (key := starts.releases.key(index)) not in tried:
                         tried.add(key)
                         yield Exact(goal, starts.guess(index))
-        all_over = self.known(math.inf) if self.context.library.complete else []
-        for throw in all_over:
-            x, theta = throw.landing
-            home = throw.goal.in_plane(x, None if throw.goal.theta is None else theta)
-            known = self.context.corrector.start(throw, task)
-            yield Elastic(throw.goal, known.guess, home, known.refinement)
-        if all_over:
-            return
         drawn = every.drawn
         for index, goal, _ in sorted(drawn.nearest, key=itemgetter(0)):
             yield Elastic(goal, drawn.guess(index), drawn.home(index, goal))
@@ -206,7 +198,8 @@ class Search:
                 if near.distance < SETTINGS.beside:
                     yield Moved(near)
             yield self.from_warm(self.warm)
-        for near in self.known(SETTINGS.beside):
+        known = SETTINGS.known, SETTINGS.beside
+        for near in self.context.library.nearest_throws(task.target, task.turns, *known):
             if may_move:
                 yield Moved(near)
             yield self.context.corrector.start(near, task)
@@ -225,11 +218,6 @@ class Search:
         problems, target = self.context.problems, warm.deciding.target
         program = problems.problem(target, warm.refinement, "fatrop", self.task.budget)
         return optimum_of(self.context.library.controls, program, warm)
-
-    def known(self, within: float) -> list[Neighbour]:
-        """The library's nearest throws with a pose error below `within` [m], nearest first."""
-        task, library = self.task, self.context.library
-        return list(library.nearest_throws(task.target, task.turns, SETTINGS.known, within))
 
     def from_warm(self, warm: PlannedThrow) -> Exact:
         """The NLP from a warm plan's throw; from its solution where that is of the same NLP."""
