@@ -97,27 +97,6 @@ class GripperData:
         "keys whose values neither maker nor measurement gives; plans name them", ()
     )
 
-    @classmethod
-    def of_hand(cls, arm: Arm, description: str, **grip: Any) -> GripperData:
-        """The hand of an arm's data file; grip: force, dwell, opening and delay."""
-        hand, tool, number = arm.links[-1], arm.tool, arm.joints + 1
-        capsules = (c for c in arm.capsules if c.link == number)
-        return cls(
-            description=description,
-            **grip,
-            **{key: getattr(tool, key) for key in BODY},
-            mass=hand.mass,
-            com=hand.com,
-            inertia=hand.inertia,
-            capsules=tuple(GripperCapsule(c.begin, c.end, c.radius) for c in capsules),
-        )
-
-    def text(self, remarks: Sequence[str] = ()) -> str:
-        """TOML that `load_gripper` reads as this gripper, with units; remarks go in front."""
-        tables = {"": GripperData, "capsules": GripperCapsule}
-        key_meanings = {name: meanings(kind) for name, kind in tables.items()}
-        return _text(table_of(self), key_meanings, remarks)
-
     def on(self, tables: Mapping[str, Any]) -> dict[str, Any]:
         """An arm's tables with this gripper in place of any other."""
         own = table_of(self)
@@ -314,15 +293,10 @@ def arm_table(arm: Arm) -> dict[str, Any]:
 
 
 def arm_text(arm: Arm, remarks: Sequence[str] = ()) -> str:
-    """TOML that `load_arm` reads as this arm, with units; remarks go in front."""
+    """TOML that `load_arm` reads as this arm, with units; remarks go in front, in lines of at most
+    100 characters."""
     key_meanings = {name: meanings(kind) for name, kind in TABLES.items()}
-    return _text(arm_table(arm), key_meanings, [*remarks, "Joint numbers count from 1."])
-
-
-def _text(
-    table: Mapping[str, Any], key_meanings: Mapping[str, Mapping[str, str]], remarks: Sequence[str]
-) -> str:
-    """A data file: remarks, each in lines of at most 100 characters, then the table."""
-    wrapped = (textwrap.wrap(remark, 98, break_long_words=False) for remark in remarks)
-    lines = [line for one in wrapped for line in one]
-    return "\n".join([*(f"# {line}" for line in lines), *toml_lines(table, key_meanings)]) + "\n"
+    every = [*remarks, "Joint numbers count from 1."]
+    wrapped = (textwrap.wrap(remark, 98, break_long_words=False) for remark in every)
+    lines = [f"# {line}" for one in wrapped for line in one]
+    return "\n".join([*lines, *toml_lines(arm_table(arm), key_meanings)]) + "\n"

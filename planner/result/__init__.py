@@ -5,7 +5,6 @@ from .files import (
     PlanPath,
     SavedThrow,
     check_hits,
-    check_overwrites,
     complete,
     joint_samples,
     read_plan,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -165,17 +164,6 @@ def complete(path: Path, words: str) -> Iterator[None]:
         raise InputError(f"{path}: {words}: no {error}") from None
     except (TypeError, AttributeError, ValueError, OverflowError) as error:
         raise InputError(f"{path}: {words} ({error})") from None
-
-
-def check_overwrites(folder: Path) -> None:
-    """InputError if `FILES` in a folder would replace a file that belongs to no plan."""
-    found = [name for name in FILES if os.path.lexists(folder / name)]
-    try:
-        whole = not found or {"scene", "target", "landing"} <= _json_plan(folder / FILES[-1]).keys()
-    except InputError:
-        whole = False
-    if not whole:
-        raise InputError(f"{folder}: {found[0]} there belongs to no plan; choose another folder")
 
 
 def _json_plan(path: Path) -> dict[str, Any]:
