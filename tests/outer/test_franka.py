@@ -210,6 +210,6 @@ def test_an_fr3s_controller_takes_its_scene(saved) -> None:
 
 @pytest.mark.slow
 def test_an_fr3s_controller_takes_targets_over_the_map(tmp_path) -> None:
-    for plan in islice(over_map("fr3", seed=20), 40):
+    for plan in islice(over_map("fr3", seed=20), 15):
         plan.save(tmp_path, draw=False)
         assert refusals(joint_motion(tmp_path).q) == [], plan.target

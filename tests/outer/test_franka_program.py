@@ -79,10 +79,10 @@ def planned(turned, tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def cycling(six, tmp_path_factory) -> Path:
-    """The folder of the six parts' program."""
+def cycling(cycled, tmp_path_factory) -> Path:
+    """The folder of a cycle's program."""
     folder = tmp_path_factory.mktemp("cycling")
-    export(six, franka=folder)
+    export(cycled, franka=folder)
     return built(folder)
 
 
@@ -150,13 +150,13 @@ def test_a_plan_whose_gripper_fails_ends_with_a_line(planned, thrown, hand, word
 
 
 @pytest.mark.slow
-def test_six_parts_are_picked_and_thrown(six, cycling, thrown) -> None:
+def test_parts_are_picked_and_thrown(cycled, cycling, thrown) -> None:
     said, (_, sent), ((first, *_), *orders) = thrown(cycling, HOLDS=0)
     assert said.returncode == 0 and said.stderr == ""
-    motion = joint_motion(six)
+    motion = joint_motion(cycled)
     np.testing.assert_allclose(sent, motion.q, atol=1e-9)
     # The hand opens on the way; each command goes out in its cycle, not before.
-    assert first == "move" and [kind for kind, *_ in orders] == ["grasp", "move"] * 6
+    assert first == "move" and [kind for kind, *_ in orders] == ["grasp", "move"] * 2
     commands = commands_of(motion)
     ends = [*(command.cycle for command in commands[1:]), len(sent)]
     for command, (_, *shape, cycles), end in zip(commands, orders, ends, strict=True):
@@ -169,19 +169,19 @@ def test_six_parts_are_picked_and_thrown(six, cycling, thrown) -> None:
 @pytest.mark.parametrize(
     ("hand", "number", "words", "kind"),
     [
-        ({"GRASPS": 2}, 3, "was not grasped: the gripper is 0 mm wide and holds nothing", "grasp"),
-        ({"DROPS": 4, "AFTER": 700}, 4, "was lost: the gripper is 0 mm wide", "grasp"),
+        ({"GRASPS": 1}, 2, "was not grasped: the gripper is 0 mm wide and holds nothing", "grasp"),
+        ({"DROPS": 2, "AFTER": 700}, 2, "was lost: the gripper is 0 mm wide", "grasp"),
         # The first order to open comes before the motion.
         ({"OPENS": 2}, 2, "was not thrown: the gripper did not open, is 20 mm wide", "move"),
         ({"FAILS": 1000}, 1, "the gripper's connection failed", "grasp"),
     ],
 )
 def test_what_goes_wrong_with_an_object_stops_the_arm(
-    six, cycling, thrown, hand, number, words, kind
+    cycled, cycling, thrown, hand, number, words, kind
 ) -> None:
     said, (_, sent), (_, *orders) = thrown(cycling, HOLDS=0, **hand)
     assert said.returncode == 1 and words in said.stderr and said.stderr.count("\n") == 1
-    motion = joint_motion(six)
+    motion = joint_motion(cycled)
     carry = motion.carries[number - 1]
     assert said.stderr.startswith(carry.pick) or "FAILS" in hand
     # The gripper gets no further command.
