@@ -133,6 +133,9 @@ class Jobs(JobKeys):
             with mistakes.kept(), within(f"pick {number}"):
                 self._check_pick(pick, names)
         mistakes.refuse()
+        used = {one.name for pick in self.picks for one in self.bins_of(pick)}
+        for name in (name for name in names if name not in used):
+            mistakes.lines.append(f"[[bin]] name = {name!r}: `bins` of no pick names it")
         for found in dict.fromkeys(self._refused()):
             mistakes.lines.append(found)
         mistakes.refuse()

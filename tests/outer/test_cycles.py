@@ -25,6 +25,10 @@ from throwplan.problems.job_files import jobs_names, load_jobs
 from oracle import broken_limits
 
 #: Between a part and the plane of its throw stands another one, higher, that comes next.
+SPARE = """[[bin]]
+name = "spare"
+target = { x = 1.0, y = -0.3, z = 0.2, theta_deg = -90.0 }
+"""
 IN_THE_WAY = f"""order = "given"{ONE.replace("y = 0.1", "y = -0.2")}[[pick]]
 name = "other part"
 x = 0.6
@@ -117,6 +121,7 @@ def test_an_edited_motion_is_refused_by_the_verdict(cycled: Path, tmp_path: Path
         ({'scene = "pose"': 'scene = "pose"\nhome_deg = [0.0]'}, "must be a list of 7 angles"),
         ({"z = 0.35": ""}, "pick 1: give 'joints_deg', or all of 'x', 'y' and 'z'"),
         ({"z = 0.35": "z = 0.35\nbins = ['bn']"}, "pick 1: bins: no bin 'bn', did you mean 'bin'?"),
+        ({"z = 0.35": "z = 0.35\nbins = ['bin']\n" + SPARE}, "[[bin]] name = 'spare'"),
         ({"z = 0.35": "z = 0.35\ngrasp_time = -1"}, "pick 1: grasp_time = -1"),
         ({"z = 0.35": "z = 0.35\nobject = { mass = -1 }"}, "pick 1: [object] mass = -1"),
         (
