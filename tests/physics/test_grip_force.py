@@ -90,7 +90,9 @@ def test_between_samples_the_force_never_rises_or_overshoots(table):
         inside = np.linspace(low, high, 7) - release.dwell
         inside = inside[(inside >= 0) & (inside <= release.opening)]
         part = release.force(inside)
-        assert ((part >= f_low - 1e-9) & (part <= f_high + 1e-9)).all()
+        # A billionth of the full force counts as none.
+        none = 1e-9 * forces[0]
+        assert ((part >= f_low - none) & (part <= f_high + none)).all()
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.05, 0.2, 0.8])
