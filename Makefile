@@ -44,7 +44,7 @@ wheels: .venv/wheels
 	$(BIN)/twine --no-color check --strict $(DIST)/*
 	for wheel in $(DIST)/*manylinux*; do $(BIN)/auditwheel show $$wheel; done
 
-# Error against run time, stability, reach and robustness, measured anew into docs/report: 70 minutes.
+# Error against run time, stability, reach and robustness, measured anew into docs/report: 70 minutes at most.
 report: .venv/run
 	$(BIN)/python -m benchmarks
 

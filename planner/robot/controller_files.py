@@ -69,7 +69,7 @@ def export(
         raise InputError("--joint-names: only with --ros")
     if ros is None and open_width is not None:
         raise InputError("--open-width: only with --ros")
-    width = None if open_width is None else checked("--open-width", open_width, float, WIDTHS)
+    width = checked("--open-width", open_width, float | None, WIDTHS)
     if ros is not None:
         # Refuse a missing extra before reading the plan.
         ros_typestore()

@@ -33,8 +33,8 @@ class SearchSettings:
     prices [1/m]: of an elastic landing's pose error, one after the other while it comes nearer than
     `gain` times the last. close [m]: pose error from which the NLP for the target itself is tried.
     vain, alike: the search ends after so many elastic starts that came no nearer, or so many that
-    ended within `same` [m] of the nearest. known: solved throws of a library that are
-    tried; beside [m]: how near to the target they land.
+    ended within `same` [m] of the nearest. known: solved throws of a library that are tried;
+    beside [m]: how near to the target they land.
     """
 
     prices: tuple[float, ...] = (100.0, 1000.0, 10_000.0)

@@ -24,11 +24,12 @@ from throwplan.problems.job_files import jobs_names, load_jobs
 
 from oracle import broken_limits
 
-#: Between a part and the plane of its throw stands another one, higher, that comes next.
+#: A bin beside that of `ONE`.
 SPARE = """[[bin]]
 name = "spare"
 target = { x = 1.0, y = -0.3, z = 0.2, theta_deg = -90.0 }
 """
+#: Between a part and the plane of its throw stands another one, higher, that comes next.
 IN_THE_WAY = f"""order = "given"{ONE.replace("y = 0.1", "y = -0.2")}[[pick]]
 name = "other part"
 x = 0.6

@@ -104,7 +104,6 @@ def test_threads_and_tasks_plan_as_one_does(tmp_path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("scene", "runs"), [("pose", 5), ("fr3", 3)])
-@pytest.mark.slow
 def test_threads_and_tasks_plan_as_one_does_each_time(scene, runs, tmp_path) -> None:
     check_alone(scene, runs, tmp_path)
 
