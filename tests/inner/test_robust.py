@@ -77,7 +77,7 @@ def test_near_the_base_auto_lets_go_slowly() -> None:
     ("name", "uncertainty"),
     [
         ("delay", FOUR),
-        ("box", FOUR),
+        pytest.param("box", FOUR, marks=pytest.mark.slow),
         ("gen3", None),
         pytest.param("cup", None, marks=pytest.mark.slow),
         pytest.param("flip", FOUR, marks=pytest.mark.slow),

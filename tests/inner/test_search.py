@@ -112,6 +112,7 @@ def answers(planner: tp.Planner, targets: list[tp.Pose]) -> dict[tp.Pose, tuple[
     return found
 
 
+@pytest.mark.slow
 def test_a_plan_does_not_depend_on_plans_before(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
     """40 targets in two orders, one without machine code, which a process makes on the way."""
     scene, rng = tp.load_scene("hand-flip"), np.random.default_rng(3)
@@ -128,7 +129,10 @@ def test_a_plan_does_not_depend_on_plans_before(monkeypatch: pytest.MonkeyPatch,
 # Where none is found.
 
 
-@pytest.mark.parametrize(("name", "x", "degrees"), [("hand-flip", 4.3, 510.0), ("pose", 1.6, 0.0)])
+@pytest.mark.parametrize(
+    ("name", "x", "degrees"),
+    [("hand-flip", 4.3, 510.0), pytest.param("pose", 1.6, 0.0, marks=pytest.mark.slow)],
+)
 def test_the_nearest_throw_is_a_plan_of_its_own_landing(
     name: str, x: float, degrees: float
 ) -> None:

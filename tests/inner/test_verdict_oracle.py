@@ -142,7 +142,7 @@ def test_a_hand_without_a_palm_keeps_its_clearance_by_its_capsules(plan_of, save
     """One of them stands at a side of the held bar, nearer or farther."""
     throw, oracle, said = plan_of("pose").throw.deciding, read_oracle(saved("pose")), set()
     arm = throw.scene.arm
-    for aside in (-0.2, -0.15, -0.1, -0.07, -0.05, 0.05, 0.07, 0.1, 0.15, 0.2):
+    for aside in (-0.2, -0.07, 0.05, 0.1):
         shape = LinkCapsule(8, (aside, 0.0, 0.1), (aside, 0.0, 0.25), 0.01)
         other = {"tool": replace(arm.tool, palm_half_width=0.0), "capsules": (*arm.capsules, shape)}
         scene = varied(throw.scene, workspace={"palm_clearance": 0.02}, arm=other)

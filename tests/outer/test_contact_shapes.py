@@ -39,7 +39,8 @@ def test_two_points_are_simulated_as_the_patch_of_two_points(tmp_path, run) -> N
     assert turns["ls-step"] == pytest.approx(-1.0786, abs=1e-3)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", LINES)
 def test_each_shape_is_thrown_and_swept(shape, tmp_path, run) -> None:
     path = written(tmp_path, "pose", LINES[shape])
     plan = run("plan", path, "--json", "--out", tmp_path / "out").json

@@ -19,7 +19,6 @@ from throwplan.planner.robot import (
     check_motion,
     find_stops,
     joint_motion,
-    rehearse,
     throws,
 )
 from throwplan.planner.throw import Samples
@@ -75,26 +74,7 @@ def test_the_gripper_closes_at_each_pick_and_opens_for_each_throw(motion, cycled
         assert words in asked[0]
 
 
-def test_a_cycle_is_run_again_only_when_asked(motion) -> None:
-    """The same motion from where it ended, each time after a question."""
-    franka, asked, found = opened(), list[str](), list[Recording]()
-
-    def ask(words: str) -> None:
-        asked.append(words)
-        if len(asked) == 3:
-            raise InputError("not confirmed")
-
-    with pytest.raises(InputError, match="not confirmed"):
-        for recording in throws(franka, motion, motion, ask):
-            found.append(recording)
-    for recording in found:
-        np.testing.assert_array_equal(recording.sent[: len(motion.q)], motion.q)
-        assert recording.trouble == "" and len(recording.command_times) == 2
-    assert [name for name, _ in franka.gripper.orders] == ["grasp", "move"] * 4
-    assert "joint 1 moves 0.00 rad" in asked[1]
-
-
-@pytest.mark.parametrize("grasps", [pytest.param(0, marks=pytest.mark.slow), 1])
+@pytest.mark.parametrize("grasps", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_an_empty_grasp_stops_the_arm_at_its_pick(motion, grasps) -> None:
     franka = opened(grasps=grasps)
     recording, sent, _ = one_run(franka, motion)
@@ -125,6 +105,7 @@ def test_an_object_lost_on_the_way_stops_the_arm_by_a_brake(motion, number, afte
     assert lost <= left <= lost + 15
 
 
+@pytest.mark.slow
 def test_what_waits_at_its_pick_is_in_the_way_of_the_arm(motion, cycled) -> None:
     """Of stops that the run may take, and of the way to the start pose."""
     first, second = motion.carries
@@ -145,7 +126,8 @@ def test_what_waits_at_its_pick_is_in_the_way_of_the_arm(motion, cycled) -> None
     assert gap_to_waiting(cycled, 0, way[len(way) // 2 :]) >= 0.01
 
 
-@pytest.mark.parametrize("opens", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("opens", [0, 1])
+@pytest.mark.slow
 def test_a_gripper_that_stays_closed_keeps_the_arm_from_the_next_pick(motion, opens) -> None:
     franka = opened(opens=opens)
     recording, sent, _ = one_run(franka, motion)
@@ -169,31 +151,18 @@ def test_a_connection_that_ends_stops_the_arm(motion, share) -> None:
 def test_the_hand_is_empty_before_a_cycle_and_opened(motion) -> None:
     with pytest.raises(InputError, match="the gripper holds an object: take it out"):
         one_run(simulated(), motion)
-    franka = simulated(lambda tick: 0.01, holds=False)
-    recording, _, asked = one_run(franka, motion)
-    assert recording.trouble == "" and "must be 80 mm with nothing" in asked[0]
-    assert [name for name, _ in franka.gripper.orders] == ["move", *["grasp", "move"] * 2]
     stuck = simulated(lambda tick: 0.01, holds=False, opens=0)
     with pytest.raises(InputError, match="does not answer"):
         one_run(stuck, motion)
     assert not stuck.robot.sent
 
 
+@pytest.mark.slow
 def test_a_hand_that_closes_on_the_way_to_the_first_pick_ends_the_run(motion) -> None:
     franka = simulated(lambda tick: 0.08 if tick < 500 else 0.03, holds=False)
     with pytest.raises(InputError, match="moved by itself: it went from 80 to 30 mm"):
         one_run(franka, motion)
     assert not franka.gripper.orders and franka.robot.finished
-
-
-def test_a_rehearsal_leaves_the_gripper(motion) -> None:
-    franka, asked = opened(), list[str]()
-    recording = rehearse(franka, motion, motion, asked.append)
-    assert not franka.gripper.orders and (recording.width == 0.08).all()
-    # Along the same path, with both picks.
-    for carry in motion.carries:
-        assert np.abs(recording.sent - motion.q[carry.reach]).max(axis=1).min() < 1e-3
-    assert "times as slow" in asked[0] and "80 mm open" in asked[0]
 
 
 def test_a_dry_run_says_what_would_be_sent(cycled, run) -> None:

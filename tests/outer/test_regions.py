@@ -78,16 +78,6 @@ def test_a_cup_stays_where_it_is(planner_of, shift) -> None:
     assert abs(landing["x"] - x) + abs(landing["theta"] - theta) > 0.01
 
 
-def test_the_throw_that_lands_nearest_to_a_region_is_a_plan(pose_planner) -> None:
-    found = pose_planner.plan(region(x=(1.6, 1.7)))
-    assert found.status == "not_found" and found.binding and found.nearest.verdict.ok
-    nearest = found.to_dict()["nearest"]
-    assert 1.2 < nearest["x"] < 1.6 and THETA[0] - 0.5 < nearest["theta"] < THETA[1] + 0.5
-    # A wider region reaches as far as it does.
-    wide = pose_planner.plan(region(x=(nearest["x"] - 0.02, 1.7)))
-    assert wide.solved, wide.message
-
-
 def test_a_warm_plan_is_brought_to_the_next_region(pose_planner, plan) -> None:
     found = pose_planner.plan(region(x=(1.16, 1.26)), warm=plan)
     assert found.solved and found.iterations < plan.iterations
@@ -96,6 +86,7 @@ def test_a_warm_plan_is_brought_to_the_next_region(pose_planner, plan) -> None:
     assert pose_planner.plan(tp.Pose(x=1.2, z=0.1, theta=0.0), warm=plan).solved
 
 
+@pytest.mark.slow
 def test_a_region_that_moves_is_met_where_it_then_is(pose_planner) -> None:
     found = pose_planner.plan(region(x=(1.3, 1.4), velocity=(-0.2,)))
     assert found.solved, found.message
@@ -116,6 +107,7 @@ def test_a_swing_is_corrected_if_it_would_land_outside(pose_planner, plan) -> No
     assert_inside({"x": x, "theta": theta}, (1.1795, 1.28), (-0.205, 0.2))
 
 
+@pytest.mark.slow
 def test_a_robust_plan_lands_in_the_middle(pose_planner, plan) -> None:
     found = pose_planner.plan(region(), robust="quiet", patience=60)
     assert found.solved and found.robust == "quiet"

@@ -242,6 +242,7 @@ def test_the_object_hits_the_hand_where_the_motion_moves_it(cycled) -> None:
     assert "hand (flying)" in tp.replay(blocked).objects[0].hits
 
 
+@pytest.mark.slow
 def test_a_grip_too_weak_for_the_carry_turns_the_object(cycled) -> None:
     """As the verdict says of it."""
     weak = with_grip(read_motion(cycled), 0.3)
@@ -250,6 +251,7 @@ def test_a_grip_too_weak_for_the_carry_turns_the_object(cycled) -> None:
         assert one.turn > math.radians(1) and not one.inside
 
 
+@pytest.mark.slow
 def test_an_object_at_its_pick_is_met_by_the_one_that_is_carried_through_it(cycled) -> None:
     """The second one stands where the hand is while it carries the first."""
     motion = read_motion(cycled)

@@ -203,6 +203,7 @@ def test_places_that_a_scene_does_not_have_are_refused() -> None:
         planner.plan(tp.Pose(1.2, -0.2, 0.0))
 
 
+@pytest.mark.slow
 def test_a_plan_to_the_top_of_an_obstacle_counts_what_stays_on_it() -> None:
     scene = tp.load_scene("pose")
     table = tp.Obstacle(

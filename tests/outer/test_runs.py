@@ -242,8 +242,7 @@ def test_the_way_to_the_start_pose_keeps_the_limits(plan) -> None:
     assert (way >= low).all() and (way <= high).all()
 
 
-def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
-    """Of an obstacle, and of the floor, the arm itself and what it holds."""
+def test_the_way_to_the_start_pose_is_clear_of_obstacles_or_refused(plan) -> None:
     motion = joint_motion(plan)
     way = approach(motion, HOME)
 
@@ -251,20 +250,19 @@ def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
         scene = motion.throw.scene.replace(obstacle=obstacles)
         return SentMotion.of(dataclasses.replace(motion.throw, scene=scene))
 
-    # On the way of the flange, and far from it.
+    # On the way of the flange.
     q = ca.SX.sym("q", 7)
     flange = ca.Function("flange", [q], [motion.arm.frames(q)[-2][:3, 3]])
     x, y, z = np.array(flange(way[len(way) // 2])).ravel()
     ball = Obstacle("ball", "sphere", (0.03,), (x, y, z))
     with pytest.raises(InputError, match=r"not clear: obstacle ball: .* guide the arm nearer"):
         approach(among(ball), HOME)
-    assert len(approach(among(dataclasses.replace(ball, position=(x, y, 1.9))), HOME)) == len(way)
-    # Folded onto itself, and into the floor.
-    folded, low = HOME.copy(), HOME.copy()
-    folded[[1, 3, 5]] = 0.0, -3.0, 0.6
+
+
+@pytest.mark.slow
+def test_the_way_to_the_start_pose_from_the_floor_is_refused(plan) -> None:
+    motion, low = joint_motion(plan), HOME.copy()
     low[[1, 3, 5]] = 1.75, -0.5, 2.0
-    with pytest.raises(InputError, match=r"not clear: .* meets "):
-        approach(motion, folded)
     with pytest.raises(InputError, match=r"not clear: floor: link 5 meets it"):
         approach(motion, low)
 
