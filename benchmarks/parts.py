@@ -171,7 +171,7 @@ def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:
     scene = scene.replace(cup=cup, workspace=palm)
     yield "+ Panda for the hand, held at the end", scene
     # An uncertain opening and a robust plan.
-    yield "+ four other openings", scene.replace(uncertainty=DELAY, robust=Robust("scenarios"))
+    yield "+ four other openings", scene.replace(uncertainty=DELAY, robust=Robust())
 
 
 def at_own_angle(scene: Scene) -> Scene:

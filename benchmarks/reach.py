@@ -26,27 +26,27 @@ SEED = 1
 MAP_SEED = 3
 #: Number of targets of each scene: quick, full.
 TARGETS = {
-    "pose": (20, 200),
-    "cup": (5, 200),
-    "box": (0, 200),
-    "flip": (0, 200),
+    "pose": (20, 100),
+    "cup": (5, 100),
+    "box": (0, 100),
+    "flip": (0, 100),
     "hand-box": (20, 100),
     "hand-flip": (20, 100),
 }
 #: Scenes whose library is measured: quick, full.
-LIBRARIES = ("hand-box",), ("pose", "cup", "box", "flip", "fr3")
+LIBRARIES = ("hand-box",), ("pose", "fr3")
 #: Number of throws of a library: quick, full.
-THROWS = (60, 2000)
+THROWS = (60, 1000)
 #: Number of targets in random bins of a map: quick, full.
-ON_MAP = (10, 200)
+ON_MAP = (10, 100)
 #: Number of plans that the oracle judges: quick, full.
-JUDGED = (4, 100)
+JUDGED = (4, 50)
 #: Number of warm plans, each to a target beside that of a solved plan: quick, full.
-WARM_PLANS = (4, 100)
+WARM_PLANS = (4, 50)
 #: Pose error [m] (position plus angle times half the length) between the two targets.
 WARM_DISTANCE = 0.008
 #: Number of plans before the timed ones, which build the NLPs: quick, full.
-FIRST = (2, 50)
+FIRST = (2, 10)
 #: Number of sampled states of a map: quick, full.
 SAMPLED = (20_000, 200_000)
 

@@ -133,7 +133,7 @@ def _robust(folder: Path) -> Iterator[str]:
     if rows:
         yield "## What is not known exactly"
         yield (
-            "Plans by `--robust auto` against plain ones, in random scenes whose plain throw has "
+            "Plans by `--robust` against plain ones, in random scenes whose plain throw has "
             "a 95 % pose error above 2 mm. Each was thrown 2,000 times with samples that planning "
             "did not use."
         )

@@ -333,7 +333,7 @@ plt.show()
 # %% [markdown]
 """
 If that is too much: measure friction better, or plan a throw that hardly depends on it
-(`planner.plan(robust="auto")`, see the notebook on timing).
+(`planner.plan(robust=True)`, see the notebook on timing).
 
 The key figures of this notebook, as the tests read them:
 """

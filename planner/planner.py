@@ -6,13 +6,13 @@ import dataclasses
 import functools
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from threading import RLock
 from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unpack, get_args
 
-from ..problems import Cost, InputError, Pose, Robust, Scene, checked
+from ..problems import Cost, InputError, Pose, Scene, checked
 from ..problems.scene_files import as_scene
 from .clearance import check_obstacles
 from .follow import Response, Session
@@ -20,11 +20,11 @@ from .interception import intercept
 from .library import Library, Turns
 from .planning import plan_throw
 from .reach import default_workers, grow
-from .resting import check_rest, most_resting
+from .resting import check_rest, resting
 from .result import Plan
 from .samples import Releases, ReleaseSampler, stored_releases
 from .search import Budget, NlpCache, SearchContext, Task, check_start, remaining_throw
-from .sweep import Hardening, hardened, robust_scene
+from .sweep import Hardening, choose, hardened, robust_scene
 from .throw import State, Throw, make_manipulator
 from .workers import Progress, executor_of
 
@@ -36,8 +36,8 @@ MOST_ALTERNATIVES = 20
 SAMPLES = 20_000
 #: Default patience [s] of a plan of one throw: ten times what a search takes that finds none.
 PATIENCE = 30.0
-#: The same of a robust plan.
-ROBUST_PATIENCE = 6.0
+#: Price of the load on the pads in a robust plan whose scene gives none.
+QUIET = 10.0
 #: Patience [s] of the choice of the throw that stays.
 REST_PATIENCE = 5.0
 #: Default number of throws of `prepare`.
@@ -106,7 +106,7 @@ class Planner:
         turns: Turns = "exact",
         warm: Plan | None = None,
         alternatives: int = 0,
-        robust: str | None = None,
+        robust: bool = False,
         patience: float | None = None,
         start: State | None = None,
     ) -> Plan:
@@ -116,11 +116,14 @@ class Planner:
         an array of x, z [m] and theta [rad]. solver: of the NLPs; a throw of the library is moved
         to the target with 'fatrop' only. turns: 'any' takes theta modulo full
         turns. warm: a solved plan of this scene for a target nearby. alternatives: number of
-        further throws to look for, each different, for `Plan.alternatives`. robust: a method of
-        [robust], instead of the scene's. patience [s]: time limit, without building; by default 30
-        s, 6 s for a robust one. start: a state of motion in which the
-        throw begins at its time 0, instead of the scene's start; `warm` is then a plan whose motion
-        passes that state.
+        further throws to look for, each different, for `Plan.alternatives`. robust: whether
+        further throws are looked for that succeed more often under [uncertainty]; always with a
+        section [robust]. patience [s]: time limit, without building; by default 30 s. start: a
+        state of motion in which the throw begins at its time 0, instead of the scene's start;
+        `warm` is then a plan whose motion passes that state.
+
+        With [uncertainty], [rest] or `robust` the plan is the best of the throws that were found,
+        by most successes, then the least 95 % pose error, then the least effort.
         """
         started = time.perf_counter()
         target = self.check(target)
@@ -130,17 +133,17 @@ class Planner:
             raise InputError("turns = 'any': theta is free, its turns do not count anyway")
         checked("alternatives", alternatives, int, {"least": 0, "most": MOST_ALTERNATIVES})
         checked("patience", patience, float | None, {"above": 0})
-        method = self._method(robust)
-        if method and alternatives:
-            raise InputError("alternatives: not with a robust plan")
-        if (method or alternatives) and not target.at_rest:
+        robust = checked("robust", robust, bool, {}) or self.scene.robust is not None
+        if (robust or alternatives) and not target.at_rest:
             raise InputError("target: velocity and arrival go with neither robust nor alternatives")
-        if start is not None and method:
+        if start is not None and robust:
             raise InputError("start: a robust plan begins at rest")
-        wanted = self._wanted(alternatives)
-        usual = ROBUST_PATIENCE if method else PATIENCE
-        budget = Budget.lasting(patience or usual)
-        task = Task(self.scene.aimed_at(target), target, solver, budget, turns, wanted)
+        wanted, scene = self._wanted(alternatives), self.scene.aimed_at(target)
+        budget = Budget.lasting(patience or PATIENCE)
+        compares = robust or scene.uncertainty is not None or scene.rest is not None
+        compares = compares and target.at_rest
+        quiet = scene.weights.quiet or (QUIET if robust else 0.0)
+        task = Task(scene, target, solver, budget, turns, wanted, loud=compares, quiet=quiet)
         built, self._build_time = self._build_time, 0.0
         context, at_rest = self._context, start is None
         known = warm.throw if warm and self._is_own(warm, at_rest=at_rest) else None
@@ -154,10 +157,8 @@ class Planner:
             return plan_throw(context, task.aimed_at(goal), throw)
 
         plan = intercept(self.scene, target, self.releases, plan_at)
-        if plan.solved and method:
-            plan = self._hardened(plan, method, task)
-        elif plan.solved and self.scene.rest is not None:
-            plan = most_resting(context, task, plan, REST_PATIENCE if patience is None else None)
+        if plan.solved and compares:
+            plan = self._best(context, task, plan, robust, REST_PATIENCE if not patience else None)
         total, spent = time.perf_counter() - started + built, dict(budget.seconds)
         spent["build"] += built
         rest = plan.alternatives[:alternatives]
@@ -170,15 +171,27 @@ class Planner:
         nearest = None if plan.nearest is None else said(plan.nearest)
         return said(plan, alternatives=rest, nearest=nearest)
 
-    def _hardened(self, plan: Plan, method: str, task: Task) -> Plan:
-        """The robust plan of a plan, or of other throws to the target; the plan itself if none."""
+    def _best(
+        self, context: SearchContext, task: Task, plan: Plan, robust: bool, patience: float | None
+    ) -> Plan:
+        """The best of a plan, its alternatives, throws that rest, and, if asked, robust ones.
 
-        def others() -> Plan:
+        patience [s]: for throws that rest; None for what is left of the task's time.
+        """
+
+        def others() -> Sequence[Plan]:
             # Three more throws to start from, in 40 % of the time left.
             several = dataclasses.replace(task, wanted=4, budget=task.budget.part(0.4))
-            return plan_throw(self._context, several)
+            return plan_throw(context, several).alternatives
 
-        return hardened(plan, Hardening(self._robust_problems, method, task), others)
+        plans = [plan, *plan.alternatives]
+        if self.scene.rest is not None:
+            plans += resting(context, task, plans, patience)
+        if len(plans) == 1 and not robust:
+            return plan
+        if not robust:
+            return choose(plans)
+        return hardened(plans, Hardening(self._robust_problems, task), others)
 
     def _is_own(self, plan: Plan, *, at_rest: bool = True) -> bool:
         """Whether a plan is of this scene, and, if so asked, begins at its start."""
@@ -281,15 +294,8 @@ class Planner:
         scene = self.problems.scene
         if scene.weights == Cost():
             return self.problems
-        return NlpCache(scene.changed(cost=None, choice=None), self.manipulator)
-
-    def _method(self, robust: str | None) -> str:
-        """The robust method of a plan; empty for a plain plan."""
-        if robust is None:
-            return "" if self.scene.robust is None else self.scene.robust.method
-        if robust not in Robust.METHODS:
-            raise InputError(f"robust = {robust!r}: must be one of {', '.join(Robust.METHODS)}")
-        return robust
+        usual = Cost(quiet=scene.weights.quiet)
+        return NlpCache(scene.changed(cost=usual, choice=None), self.manipulator)
 
     @functools.cached_property
     def _robust_problems(self) -> NlpCache:
@@ -309,7 +315,7 @@ class Options(TypedDict, total=False):
     turns: Turns
     warm: Plan | None
     alternatives: int
-    robust: str | None
+    robust: bool
     patience: float | None
     start: State | None
 

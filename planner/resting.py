@@ -1,5 +1,4 @@
-"""The throw that stays: among throws to one target, the one that rests most often where it should,
-and succeeds.
+"""Throws that stay: further ones to a target, among which one may rest there more often.
 
 The landing's angle and speeds decide. So throws are solved again with a price of the landing's
 speed, from the plain throw and from sampled releases whose landings' speeds let them rest.
@@ -45,45 +44,45 @@ class RestingSettings:
 SETTINGS = RestingSettings()
 
 
-def most_resting(
-    context: SearchContext, task: Task, plan: Plan, patience: float | None = None
-) -> Plan:
-    """`plan`, or the plan of another throw to its target whose object rests there more often.
+def resting(
+    context: SearchContext, task: Task, plans: Sequence[Plan], patience: float | None = None
+) -> list[Plan]:
+    """Further plans to the target of `plans`, whose objects may rest there more often.
 
-    No success under [uncertainty] is given up for a gain within the noise of the samples.
-
-    patience [s]: time for it; None for what is left of the task's time. A plan to a target that
-    moves, or with a time of arrival, stays as it is.
+    patience [s]: time for it; None for what is left of the task's time. It ends with one that rests
+    there always.
     """
-    if not plan.target.at_rest:
-        return plan
-    budget = task.budget
+    budget, plan = task.budget, plans[0]
     if patience is not None:
         own = Budget.lasting(patience)
         budget = replace(own, seconds=budget.seconds, counts=budget.counts)
-    best, throw, seen = plan, _resting(plan), [_landing(plan)]
-    for other in plan.alternatives:
-        seen.append(_landing(other))
-        if (candidate := _resting(other)).is_better_than(throw):
-            best, throw = other, candidate
+    found, seen = list[Plan](), [_landing(one) for one in plans]
     task = replace(task, target=plan.target, budget=budget)
     starts = Starts(context.table(), task, context.problems.manipulator).arriving
+    if any(_stays(one) for one in plans):
+        return found
     for start in _starts(starts, plan):
-        if budget.late or throw.stays.all():
+        if budget.late:
             break
-        found = attempt(context.problems, start, task)
+        one = attempt(context.problems, start, task)
         budget.counts["starts"] += 1
-        if not found.hits or found.throw is None:
+        if not one.hits or one.throw is None:
             continue
-        words = found.throw.words(plan.target)
-        other = solved_plan(context, task, [found])
-        other = replace(other, target=plan.target, message=words)
+        words = one.throw.words(plan.target)
+        other = replace(solved_plan(context, task, [one]), target=plan.target, message=words)
         if any(np.abs(_landing(other) - known).max() < SETTINGS.alike for known in seen):
             continue
         seen.append(_landing(other))
-        if (candidate := _resting(other)).is_better_than(throw):
-            best, throw = other, candidate
-    return best if best is plan else replace(best, alternatives=plan.alternatives)
+        found.append(other)
+        if _stays(other):
+            break
+    return found
+
+
+def _stays(plan: Plan) -> bool:
+    """Whether all sampled throws of a plan succeed and rest."""
+    assert plan.throw is not None
+    return bool(RestingThrow(plan.throw.deciding).stays.all())
 
 
 def _landing(plan: Plan) -> Array:
@@ -109,12 +108,6 @@ def check_rest(scene: Scene) -> None:
         )
 
 
-def _resting(plan: Plan) -> RestingThrow:
-    """The plan's throw for the comparison."""
-    assert plan.throw is not None
-    return RestingThrow(plan.throw.deciding)
-
-
 def _starts(starts: Starts, plan: Plan) -> Iterator[Exact]:
     """Starts from the plain throw, then from sampled releases, with prices of the landing speed."""
     throw, task = plan.throw, starts.task
@@ -122,7 +115,7 @@ def _starts(starts: Starts, plan: Plan) -> Iterator[Exact]:
     landing = throw.deciding.landing.state
     price = throw.effort / (landing.v_x**2 + landing.v_z**2)
     refinements = [replace(throw.refinement, soft=share * price) for share in SETTINGS.prices]
-    guess = guess_of(throw, task.scene)
+    guess = guess_of(throw)
     for refinement in refinements:
         yield Exact(task.target, guess, refinement)
     found = starts.nearest[: SETTINGS.nearest]

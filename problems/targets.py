@@ -286,14 +286,23 @@ class Rest(Section):
 
 @dataclasses.dataclass(frozen=True)
 class Cost(Section):
-    """What the optimisation makes small, all weighted and added: the time until the hand opens, and
-    the integrals over time of the squared accelerations and jerks of the joints (or of the hand),
-    each as a share of its limit. A throw in less time is nearer to the limits."""
+    """What the optimisation makes small, all weighted and added: the time until the hand opens, the
+    integrals over time of the squared accelerations and jerks of the joints (or of the hand), each
+    as a share of its limit, and the load on the pads while they open. A throw in less time is
+    nearer to the limits; one without load lands alike whatever delay, opening time and friction
+    are."""
 
     time: float = quantity("1/s, of the time until the hand opens", least=0, most=1e4, default=2.0)
     acceleration: float = quantity("1/s", least=1e-3, most=1e4, default=10.0)
     jerk: float = quantity(
         "1/s; only with [robot] and its `control` = `jerk`", least=1e-3, most=1e4, default=1.0
+    )
+    quiet: float = quantity(
+        "(m/s^2)^-2, of the mean square load on the pads from 10 ms before they open, or the "
+        "earliest delay, to as long after detach; 0 leaves it out",
+        least=0,
+        most=1e4,
+        default=0.0,
     )
 
 

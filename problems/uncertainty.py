@@ -1,4 +1,4 @@
-"""Uncertain values, their distributions, and the methods of robust plans."""
+"""Uncertain values and their distributions."""
 
 from __future__ import annotations
 
@@ -274,24 +274,5 @@ def _pairs(value: Any, keys: Mapping[str, str]) -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class Robust(Section):
-    """A robust plan, for all of [uncertainty], or a delay of +-10 ms without it.
-
-    method: 'quiet' (least load on the pads while they may open), 'scenarios' (several throws with
-    other parameters share the hand's motion and land near the target), 'joint-velocity' (constant
-    over the window), 'auto' (the best of several throws by a sweep).
-    """
-
-    QUIET: ClassVar[str] = "quiet"
-    METHODS: ClassVar[tuple[str, ...]] = ("auto", QUIET, "scenarios", "joint-velocity")
-
-    method: str = quantity(
-        "see [how it works](how-it-works.md#a-plan-that-forgives-timing)",
-        choices=METHODS,
-        default="auto",
-    )
-    early: float | None = optional(
-        "s, window before the opening; from [uncertainty] where left out", least=0, most=0.1
-    )
-    late: float | None = optional(
-        "s, window after detach; from [uncertainty] where left out", least=0, most=0.1
-    )
+    """A robust plan: of several throws to the target the one that succeeds most often under
+    [uncertainty], or what is assumed without it. The section has no keys."""

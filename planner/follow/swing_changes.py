@@ -48,7 +48,7 @@ class RestOfSwing:
         near = rest.exact if program.nlp.linearised else None
         request = Request(throw.scene, manipulator, goal, refinement, reference=near)
         controls = ReducedVariables(request)
-        point = Solution.none(initial_guess_from(program.nlp, rest, request))
+        point = Solution.none(initial_guess_from(program.nlp, rest))
         try:
             at = condensed_at(controls, program, request, point)
         except np.linalg.LinAlgError:

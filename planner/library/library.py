@@ -26,7 +26,7 @@ import numpy as np
 from ...core.compile import DAMAGED, cache_folder, digest, publish
 from ...models import Array
 from ...problems import Pose, Scene
-from ..ocp import Optimum, ReducedVariables, Request
+from ..ocp import Optimum, ReducedVariables, Refinement, Request
 from ..throw import Manipulator
 from .records import Records, are_valid, optimum_in, record_of, record_type
 
@@ -34,7 +34,7 @@ from .records import Records, are_valid, optimum_in, record_of, record_type
 Turns = Literal["exact", "any"]
 #: Version of the records. Raise it where a field or a number of `ReducedVariables` gets another
 #: meaning.
-FORMAT = 8
+FORMAT = 9
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,8 @@ class Library:
 
     def __init__(self, scene: Scene, manipulator: Manipulator, *, keep: bool = True) -> None:
         target = scene.aim
-        self.controls = ReducedVariables(Request(scene, manipulator, target))
+        quiet = Refinement(quiet=scene.weights.quiet)
+        self.controls = ReducedVariables(Request(scene, manipulator, target, quiet))
         self.angle = target.theta is not None
         self._scene, self._height = scene, target.z
         self._type = record_type(self.controls, self.angle)

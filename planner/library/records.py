@@ -22,7 +22,7 @@ WIDEST = 1.0
 #: Length [bytes] of a record's texts (guards, margins).
 TEXT = 128
 #: Fields of a record that are finite numbers.
-NUMBERS = ("landing", "u", "slope", "detach", "effort", "smoothing")
+NUMBERS = ("landing", "u", "slope", "detach", "effort", "smoothing", "quiet")
 
 
 def record_type(controls: ReducedVariables, angle: bool) -> np.dtype[Any]:
@@ -39,6 +39,7 @@ def record_type(controls: ReducedVariables, angle: bool) -> np.dtype[Any]:
         ("effort", f),
         ("smoothing", f, 2),
         ("nlp_size", "<i4", 2),
+        ("quiet", f),
         ("guards", f"S{TEXT}"),
         ("margins", f"S{TEXT}"),
     ]
@@ -51,6 +52,7 @@ def record_of(kind: np.dtype[Any], optimum: Optimum, landing: tuple[float, float
     row["landing"] = landing
     for name in ("u", "slope", "detach", "effort", "smoothing", "nlp_size"):
         row[name] = getattr(optimum, name)
+    row["quiet"] = optimum.refinement.quiet
     row["guards"] = " ".join(sorted(optimum.refinement.lazy)).encode()
     row["margins"] = _margins_text(optimum.refinement.margins)
     return row
@@ -65,7 +67,7 @@ def optimum_in(row: np.void) -> Optimum:
         float(row["effort"]),
         (int(row["nlp_size"][0]), int(row["nlp_size"][1])),
         (float(row["smoothing"][0]), float(row["smoothing"][1])),
-        _refinement(row["guards"], row["margins"]),
+        _refinement(row["guards"], row["margins"], float(row["quiet"])),
     )
 
 
@@ -73,7 +75,7 @@ def are_valid(records: Records, controls: ReducedVariables) -> Flags:
     """Which records (N,) have numbers in range and readable texts."""
     numbers = [records[name].reshape(len(records), -1) for name in NUMBERS]
     good = np.isfinite(np.hstack(numbers)).all(axis=1)
-    good &= records["effort"] > 0
+    good &= (records["effort"] > 0) & (records["quiet"] >= 0)
     for name in ("landing", "detach"):
         good &= (np.abs(records[name]) < FARTHEST).all(axis=1)
     good &= (records["nlp_size"] > 0).all(axis=1)
@@ -113,9 +115,9 @@ def _guards(text: bytes) -> frozenset[str]:
 
 
 @functools.lru_cache(maxsize=64)
-def _refinement(guards: bytes, margins: bytes) -> Refinement:
-    """The refinement that a record's texts say; few of a library differ."""
-    return Refinement(_guards(guards), _margins(margins))
+def _refinement(guards: bytes, margins: bytes, quiet: float) -> Refinement:
+    """The refinement of a record; few of a library differ."""
+    return Refinement(_guards(guards), _margins(margins), quiet=quiet)
 
 
 def _margins(text: bytes) -> Margins:

@@ -6,11 +6,13 @@ own in `terms`; an absent one adds no variable, constraint or parameter.
 
 from .assembly import nlp_functions
 from .nlp import ThrowNlp, build_nlp
-from .problem import FLIGHT_MAX
+from .problem import FLIGHT_MAX, effort_of
 from .reduced_qp import CondensedQp, Optimum, ReducedVariables, Step
 from .request import (
     BASE,
+    CONSTANT_RATES,
     PALM_TIMES,
+    SCENARIOS,
     Margins,
     Refinement,
     Request,

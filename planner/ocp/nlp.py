@@ -16,7 +16,7 @@ from ...models import Array, Trajectory
 from ...problems import Scene
 from .assembly import Nlp, assemble
 from .problem import ThrowProblem, variable_bounds
-from .request import Request, Weights, opening_nodes
+from .request import Request, Weights
 from .scene_constraint import BRAKE_SHARE, SceneConstraint
 from .solver import Solution
 from .stage_functions import Shared
@@ -36,9 +36,13 @@ BROKEN = 1e-3
 
 @dataclass(frozen=True)
 class ThrowNlp(Nlp):
-    """The NLP of a throw, with the constraints of its scene."""
+    """The NLP of a throw, with the constraints of its scene.
+
+    request: that it was built for; all requests that it serves have its nodes.
+    """
 
     constraints: list[SceneConstraint]
+    request: Request
 
     @property
     def linearised(self) -> bool:
@@ -171,9 +175,8 @@ def build_nlp(request: Request, shared: Shared | None = None) -> ThrowNlp:
     turns = any(constraint.turns for constraint in constraints)
     structure = Structure(
         carry=scene.mesh.carry,
-        opening=scene.mesh.opening,
+        opening=scene.mesh.opening + (0 if window is None else window.late),
         early=0 if window is None else window.early,
-        late=0 if window is None else window.late,
         integrator=scene.mesh.integrator,
         substeps=scene.mesh.substeps if scene.mesh.integrator == "rk4" else 1,
         instants=INSTANTS["carry" in request.refinement.lazy],
@@ -191,7 +194,7 @@ def build_nlp(request: Request, shared: Shared | None = None) -> ThrowNlp:
     ocp = Ocp(structure, manipulator)
     landing = ThrowProblem(ocp, constraints).declare()
     nlp = assemble(structure, ocp.stages, ocp.parameters, landing, {} if shared is None else shared)
-    return ThrowNlp(**vars(nlp), constraints=constraints)
+    return ThrowNlp(**vars(nlp), constraints=constraints, request=request)
 
 
 def _constraints_of(request: Request) -> list[SceneConstraint]:
@@ -214,7 +217,7 @@ def _common_values(request: Request) -> dict[str, Any]:
     scene, limits, target = request.scene, request.manipulator.planning, request.target
     assert target is not None
     profile = scene.gripper.profile()
-    nodes = opening_nodes(scene.mesh, profile.opening)
+    nodes = request.opening_nodes
     bias_x, bias_theta = scene.flight.bias or (0.0, 0.0)
     return {
         "bias_x": bias_x,

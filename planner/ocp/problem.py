@@ -24,7 +24,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
+from ...models import Trajectory
 from .request import Request, Weights
 from .scene_constraint import Brake, Flight, Instant, SceneConstraint, gripped_instants
 from .stages import DDQ, DQ, JERK_UNIT, PLACE, REL, SLACKS, T_F, Block, Q, Stage, T
@@ -71,12 +73,11 @@ class ThrowProblem:
             self.coordinate_limits(interval)
             for instant in gripped_instants(interval):
                 self.grip_constraints(instant)
-            if interval.phase == "late":
-                self.scene_constraints(Instant.of(interval, ca.SX(0), "none"))
             for constraint in self.constraints:
                 constraint.in_interval(interval)
-        landing = self.landing(self.ocp.node(self.ocp.structure.detach))
-        self.brake(self.ocp.node(self.ocp.structure.last))
+        last = self.ocp.node(self.ocp.structure.last)
+        landing = self.landing(last)
+        self.brake(last)
         return landing
 
     def variables(self, k: int) -> Stage:
@@ -87,7 +88,7 @@ class ThrowProblem:
                 stage.state(block, n)
         if k < s.carry:
             stage.state(T)
-        if s.opens < k <= s.detach:
+        if k > s.opens:
             stage.state(REL, self.ocp.rel_size)
         for constraint in self.constraints:
             constraint.add_states(self.ocp, k, stage)
@@ -192,6 +193,16 @@ def land(node: Node, hand: Hand, opening: int = 0) -> Flight:
     flight.subject_to("landing z", flight.end.z - node.p("target_z"), low=0.0, high=0.0)
     flight.subject_to("coming down", flight.end.v_z, high=0.0)
     return flight
+
+
+def effort_of(request: Request, motion: Trajectory) -> float:
+    """The cost of a motion by [cost], without the load on the pads."""
+    limits, breaks, weights = request.manipulator.planning, motion.breaks, Weights.of(request.scene)
+    ddq, jerk, lengths = motion.starts(2), motion.starts(3), breaks[1:] - breaks[:-1]
+    first, last = ddq / limits.ddq, (ddq + lengths[:, None] * jerk) / limits.ddq
+    relative = np.zeros_like(jerk) if limits.jerk is None else jerk / limits.jerk
+    cost = (lengths @ mean_effort(first, last, relative, weights)).sum()
+    return float(cost + weights.carry_time * breaks[request.scene.mesh.carry])
 
 
 def mean_effort(first: Any, last: Any, jerk: Any, weights: Weights) -> Any:

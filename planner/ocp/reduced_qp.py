@@ -18,8 +18,8 @@ import numpy as np
 
 from ...core import MoveC, library
 from ...models import Array, Flags, Indices, ReadOnly, Trajectory
-from .problem import mean_effort, variable_bounds
-from .request import BASE, Refinement, Request, Weights
+from .problem import variable_bounds
+from .request import BASE, Refinement, Request
 from .solver import Solution, Solver
 from .stages import JERK_UNIT, Layout
 
@@ -79,6 +79,10 @@ class ReducedVariables:
         core.attach(**{name: np.ascontiguousarray(v, float) for name, v in arrays.items()})
         return core
 
+    def fits(self, layout: Layout) -> bool:
+        """Whether an NLP has these variables."""
+        return bool(layout.structure.last == self.core.stages)
+
     def places(self, layout: Layout) -> list[int]:
         """Indices (size,) of u in the NLP's decision vector."""
         free = self.request.manipulator.start is None
@@ -98,17 +102,6 @@ class ReducedVariables:
     def opening_time(self, u: Array) -> float:
         """The time [s] at which the grip force starts to fall."""
         return float(u[0] - self.request.nodes[0])
-
-    def effort(self, motion: Trajectory) -> float:
-        """The NLP's cost of a motion: relative acceleration and jerk squared, and the carry's
-        time."""
-        limits, breaks = self.request.manipulator.planning, motion.breaks
-        weights = Weights.of(self.request.scene)
-        ddq, jerk, lengths = motion.starts(2), motion.starts(3), breaks[1:] - breaks[:-1]
-        first, last = ddq / limits.ddq, (ddq + lengths[:, None] * jerk) / limits.ddq
-        relative = np.zeros_like(jerk) if limits.jerk is None else jerk / limits.jerk
-        cost = (lengths @ mean_effort(first, last, relative, weights)).sum()
-        return float(cost + weights.carry_time * breaks[self.request.scene.mesh.carry])
 
     @property
     def durations(self) -> tuple[float, float]:

@@ -18,6 +18,8 @@ from ...problems import Mesh, Pose, Scene, Uncertainty
 from ..throw import Manipulator, Throw, friction_use
 from ..verdict import FLYING, Code, Finding, Verdict
 
+#: Kinds of robust NLPs: constant joint rates in the window; several throws under one motion.
+CONSTANT_RATES, SCENARIOS = "constant rates", "scenarios"
 #: A constraint that an NLP has only after a verdict found it broken: "carry" (grip, floor,
 #: column at more instants, floor of the arm), "flight" and "return" (hand's body, more depths of a
 #: cup), "passing" (column in flight) or "torque".
@@ -124,13 +126,15 @@ class Refinement:
     """Lazy constraints and margins of an NLP.
 
     bodies: links, "bar" and "flying bar" that keep clear of obstacles and of the arm's links.
-    soft: price of the landing's speed, for a scene with [rest].
+    soft: price of the landing's speed, for a scene with [rest]. quiet: price of the load on the
+    pads while they open; 0: the NLP has no such term, and ends at detach.
     """
 
     lazy: frozenset[LazyConstraint] = frozenset()
     margins: Margins = field(default_factory=Margins)
     bodies: frozenset[str] = frozenset()
     soft: float = 0.0
+    quiet: float = 0.0
 
     def refined(self, verdict: Verdict, throw: Throw) -> Refinement:
         """This with the remedies for a throw's findings; equal to this without a remedy.
@@ -179,10 +183,13 @@ class WindowSettings:
     step [s]: longest interval before the opening and after detach. deviations: of a normal
     distribution, inside the window. slow_opening: share of the opening by which a slow one may
     outlast it; the brake waits that long. samples: instants at which the load is measured. delays:
-    of the scenarios, as shares of the window before the opening and after detach.
+    of the scenarios, as shares of the window before the opening and after detach. quiet [s]:
+    longest interval after detach of a quiet plan; shortest [s]: its shortest window on either side.
     """
 
     step: float = 0.005
+    quiet: float = 0.01
+    shortest: float = 0.002
     deviations: float = 2.0
     slow_opening: float = 0.2
     samples: int = 561
@@ -196,27 +203,42 @@ WINDOW = WindowSettings()
 class Window:
     """The window in which the pads may open, around the planned opening.
 
-    early, late: intervals of `step` [s] before the opening's start and after detach.
-    delays (scenarios,) [s]: of the openings other than the planned one.
+    early, late: intervals of `step` [s] before the opening's start and after detach. lead [s]: from
+    the earliest opening to the planned one. delays (scenarios,) [s]: of the openings other than the
+    planned one.
     """
 
     early: int
     late: int
     step: float
-    delays: Array
+    lead: float
+    delays: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def window_of(scene: Scene) -> Window:
-    """The window of a scene's [robust] and [uncertainty]; +-10 ms without them."""
+    """The window of a scene's [uncertainty]; +-10 ms without it."""
     before, after = _uncertain_span(scene)
-    if scene.robust is not None:
-        before = before if scene.robust.early is None else scene.robust.early
-        after = after if scene.robust.late is None else scene.robust.late
     early, late = (math.ceil(span / WINDOW.step - 1e-9) for span in (before, after))
     steps = [length / count for length, count in ((before, early), (after, late)) if count]
     step = max(steps, default=WINDOW.step)
     delays = [step * (early if share < 0 else late) * share for share in WINDOW.delays]
-    return Window(early, late, step, np.array([d for d in delays if d != 0.0]))
+    return Window(early, late, step, early * step, np.array([d for d in delays if d != 0.0]))
+
+
+def quiet_window_of(scene: Scene) -> Window:
+    """The window of a quiet request: as long after detach as [uncertainty] lets the pads open late,
+    10 ms without it. Before the opening's start, under full grip, load costs nothing."""
+    known, usual = scene.uncertainty or Uncertainty.USUAL, Uncertainty.USUAL
+    delay = known.delay or usual.delay
+    assert delay is not None
+    spread = delay.about(0.0)
+    width = WINDOW.deviations * spread.deviation if delay.normal is not None else 0.0
+    before, after = (
+        max(side, width, WINDOW.shortest)
+        for side in (spread.expected - spread.reach[0], spread.reach[1] - spread.expected)
+    )
+    late = math.ceil(after / WINDOW.quiet - 1e-9)
+    return Window(0, late, after / late, before)
 
 
 def _uncertain_span(scene: Scene) -> tuple[float, float]:
@@ -249,24 +271,23 @@ def opening_nodes(mesh: Mesh, opening: float) -> Array:
 
 
 def load_curve(throw: Throw) -> tuple[Array, Array]:
-    """Times (K,) [s] over the window and the load there (K,).
+    """Times (K,) [s] while the pads may open, and the load there (K,).
 
     The load is the wrench that keeps the object in the moving hand, as a share of the friction
     limit of the full grip: at 1 the object slips, at 0 it flies freely.
     """
-    scene, window = throw.scene, window_of(throw.scene)
-    begin = throw.opening_time - window.early * window.step
-    end = throw.opening_time + scene.gripper.profile().opening + window.late * window.step
-    times = np.linspace(max(begin, 0.0), end, WINDOW.samples)
+    scene, window = throw.scene, quiet_window_of(throw.scene)
+    end = throw.detach_time + window.late * window.step
+    times = np.linspace(max(throw.opening_time - window.lead, 0.0), end, WINDOW.samples)
     return times, friction_use(scene, throw.hand(times))
 
 
 def peak_load(throw: Throw) -> float:
-    """The largest load over the window, after the earliest opening has reached a quarter of the
-    full grip: with more grip the pads hold a quiet load."""
+    """The largest load while the pads may open, after the earliest opening has reached a quarter of
+    the full grip: with more grip the pads hold a quiet load."""
     times, load = load_curve(throw)
-    profile, window = throw.scene.gripper.profile(), window_of(throw.scene)
-    grip = profile.force(times - throw.opening_time + window.early * window.step)
+    profile, lead = throw.scene.gripper.profile(), quiet_window_of(throw.scene).lead
+    grip = profile.force(times - throw.opening_time + lead)
     return float(load[grip <= profile.full / 4].max())
 
 
@@ -274,7 +295,7 @@ def peak_load(throw: Throw) -> float:
 class Request:
     """A throw of a scene to a target, for an NLP (target None: for its window and nodes alone).
 
-    robust: the method of a robust plan, empty for none. elastic: price [1/m] of the pose error with
+    robust: the kind of a robust NLP, empty for none. elastic: price [1/m] of the pose error with
     which the landing may miss the target; 0: it may not. start_angle [rad]: of the landing at the
     start of an elastic solve, which tells the end of the bar that enters a cup. reference: the
     throw at the start of a solve; obstacles are linearised about it.
@@ -302,8 +323,10 @@ class Request:
 
     @cached_property
     def window(self) -> Window | None:
-        """The window of a robust request."""
-        return window_of(self.scene) if self.robust else None
+        """The window of a robust or quiet request."""
+        if self.robust:
+            return window_of(self.scene)
+        return quiet_window_of(self.scene) if self.refinement.quiet else None
 
     @cached_property
     def nodes(self) -> Array:
@@ -314,6 +337,11 @@ class Request:
         before = self.window.step * np.arange(-self.window.early, 0)
         after = nodes[-1] + self.window.step * np.arange(1, self.window.late + 1)
         return np.concatenate([before, nodes, after])
+
+    @property
+    def opening_nodes(self) -> Array:
+        """Times [s] of the stages from the opening's start on."""
+        return self.nodes if self.window is None else self.nodes[self.window.early :]
 
     def times(self, opening_time: float) -> Array:
         """Times (last + 1,) [s] of the stages on the motion's clock."""

@@ -22,9 +22,9 @@ import numpy as np
 
 from ...problems import Pose, Scene
 from ..library import Library, Neighbour, Records
-from ..ocp import BASE, Optimum, ReducedVariables, Request
+from ..ocp import BASE, Optimum, ReducedVariables, Refinement, Request
 from ..samples import Releases, sparse_parents, starts
-from ..search import Budget, Corrector, Exact, NlpCache, Starts, Task, attempt, optimum_of
+from ..search import Budget, Corrector, Exact, NlpCache, Starts, Task, attempt, optimum_of, quieted
 from ..throw import make_manipulator
 from ..workers import Progress, run_jobs
 from .cells import Cell, Cells, Landings, landings_of
@@ -95,14 +95,16 @@ class CellSolver:
     def corrector(self) -> Corrector:
         """Moves throws along their slope."""
         scene = self.problems.scene
-        request = Request(scene, self.problems.manipulator, scene.target)
+        quiet = Refinement(quiet=scene.weights.quiet)
+        request = Request(scene, self.problems.manipulator, scene.target, quiet)
         return Corrector(ReducedVariables(request), self.problems)
 
     def solve(self, cell: CellTask) -> CellResult:
         """A throw into the cell: a throw beside it is moved there, else solved anew."""
         goal, source, scene = cell.goal, cell.source, self.problems.scene
         budget = Budget.lasting(SETTINGS.patience)
-        task = Task(scene.aimed_at(goal), goal, budget=budget)
+        quiet = scene.weights.quiet
+        task = Task(scene.aimed_at(goal), goal, budget=budget, quiet=quiet)
         if isinstance(source, Releases):
             table = Starts(source, task, self.problems.manipulator)
             tries = (Exact(goal, table.guess(index)) for index, goal, _ in table.nearest)
@@ -123,7 +125,7 @@ class CellSolver:
 
     def _solved(self, start: Exact, task: Task) -> KnownThrow | None:
         """The NLP's solution with its sensitivity; None where it has none."""
-        one = attempt(self.problems, start, task)
+        one = quieted(self.problems, attempt(self.problems, start, task), task)
         if not one.hits or one.throw is None:
             return None
         program = self.problems.problem(task.target, one.refinement, task.solver, task.budget)

@@ -21,5 +21,5 @@ from .motion_files import (
     write_table,
 )
 from .plan import Plan, draw_flight, plan_of, sent_motion, sent_throw, throw_of
-from .planned_throw import PLAIN, PlannedThrow
+from .planned_throw import PlannedThrow
 from .recommended import allowed, assumed_words, exceeded_entries, exceeded_words

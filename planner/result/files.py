@@ -45,11 +45,11 @@ def joint_samples(
 
 @dataclass(frozen=True, repr=False, eq=False)
 class SavedThrow(Throw):
-    """A throw read from files; status, message and robust method: of its plan.json."""
+    """A throw read from files; status, message, robust: of its plan.json."""
 
     status: Status = "solved"
     message: str = ""
-    robust: str = ""
+    robust: bool = False
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -100,10 +100,9 @@ def read_plan(path: str | Path) -> SavedThrow:
     end = float(samples.times[-1])
     if not 0.0 <= opening_time <= end:
         raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
-    words = {key: str(plan.get(key, "")) for key in ("status", "message")}
-    robust = plan.get("robust")
-    words["robust"] = str(robust.get("method", "")) if isinstance(robust, dict) else ""
-    throw = SavedThrow(scene, manipulator, motion, opening_time, samples, **words)  # type: ignore[arg-type]
+    words: dict[str, Any] = {key: str(plan.get(key, "")) for key in ("status", "message")}
+    words["robust"] = bool(plan.get("robust"))
+    throw = SavedThrow(scene, manipulator, motion, opening_time, samples, **words)
     if not throw.lands:
         raise InputError(f"{path}: its throw never falls to the target's height")
     if scene.target is None or scene.target.velocity is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ...problems import InputError, Pose, Scene
 from ...problems.files import filling, plain, write_json
 from .. import show
-from ..ocp import load_curve
+from ..ocp import load_curve, peak_load
 from ..throw import TICK, Manipulator, Throw, torque_limits
 from ..uncertainty import DelayTolerance, RestCount, warnings
 from ..verdict import (
@@ -28,7 +29,7 @@ from .active_limits import ActiveLimit, Bound
 from .files import FILES, NEAREST, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan
 from .motion import SentMotion
 from .motion_files import read_motion, write_motion
-from .planned_throw import PLAIN, PlannedThrow
+from .planned_throw import PlannedThrow
 from .recommended import assumed_words, exceeded, exceeded_entries, exceeded_words
 
 if TYPE_CHECKING:
@@ -46,6 +47,10 @@ MOMENTS = {
 }
 
 
+#: A throw is quiet while its pads carry less than this share of their grip.
+QUIET = 0.1
+
+
 @dataclass(frozen=True, repr=False)
 class Plan:
     """Result of planning. Times in s; see `to_dict` for all other units and frames.
@@ -56,9 +61,7 @@ class Plan:
     ended; bound: what proves that nothing reaches the target. starts: how many were tried.
     short_of: the target of a nearest throw, which it misses.
 
-    robust: the method of a robust plan: "nominal" for the plain throw, "alternative" for another
-    throw to the target; empty without `robust=`. peak_load: of a robust plan, the largest load on
-    the pads after a quarter of the grip may be left, as a share of the full grip's friction limit.
+    robust: whether throws that succeed more often under [uncertainty] were looked for.
     """
 
     scene: Scene
@@ -78,8 +81,7 @@ class Plan:
     time: dict[str, float] = field(default_factory=dict)
     alternatives: tuple[Plan, ...] = ()
     short_of: Pose | None = None
-    robust: str = ""
-    peak_load: float | None = None
+    robust: bool = False
 
     def __repr__(self) -> str:
         """One line instead of the arrays."""
@@ -94,7 +96,7 @@ class Plan:
         judged = verdict(deciding, self.goal)
         if not self.solved:
             return judged
-        findings = (*judged.findings, *warnings(deciding, self.target, bool(self.robust)))
+        findings = (*judged.findings, *warnings(deciding, self.target, self.robust))
         for claim in (self.calibrated, self.rests):
             findings += () if claim is None else claim.findings
         return replace(judged, findings=findings)
@@ -216,7 +218,9 @@ class Plan:
             if claim is not None:
                 more[name] = claim.to_dict()
         if self.robust:
-            more["robust"] = {"method": self.robust, "peak_load": self.peak_load}
+            more["robust"] = True
+        if self.peak_load is not None:
+            more["peak_load"] = self.peak_load
         if self.alternatives:
             more["alternatives"] = [
                 {key: other._landing_entries()[key] for key in ("landing", "release")}
@@ -315,8 +319,7 @@ class Plan:
             f"starts, {self.variables} variables, {self.constraints} constraints, "
             f"{result['time']['total']:.2f} s"
         )
-        if self.robust:
-            lines.append(f"  {self._load_words}")
+        lines += [f"  {words}" for words in self._load_words]
         for number, other in enumerate(result.get("alternatives", ()), start=1):
             moments = other["release"]
             flight = 1e3 * (moments["landing_time"] - moments["detach_time"])
@@ -341,6 +344,12 @@ class Plan:
         throw = self.throw if self.solved else None
         return self.bound_words, "" if throw is None else drop_words(throw.deciding)
 
+    @cached_property
+    def peak_load(self) -> float | None:
+        """The largest load on the pads once the earliest opening has left a quarter of the grip, as
+        a share of the full grip's friction limit; None without a throw to the target."""
+        return None if self.throw is None or not self.solved else peak_load(self.throw.deciding)
+
     @property
     def bound_words(self) -> str:
         """A sentence about a landing at the bounds of a region; empty elsewhere."""
@@ -348,17 +357,17 @@ class Plan:
             return ""
         landing = self.throw.deciding.landing
         words = bound_words(self.scene, self.goal, landing.x, landing.theta)
-        return f"{words}; --robust auto tries to aim inside" if words and not self.robust else words
+        return f"{words}; --robust tries to aim inside" if words and not self.robust else words
 
     @property
-    def _load_words(self) -> str:
-        """The pads' load of a robust plan."""
-        origin = "plain throw" if self.robust == PLAIN else f"robust by {self.robust}"
-        return (
-            f"{origin}: load on the pads at most "
-            f"{100 * (self.peak_load or 0.0):.1f} % of the full grip's friction limit,\n"
-            "    from when the grip may have fallen to a quarter"
-        )
+    def _load_words(self) -> Iterator[str]:
+        """How quiet the throw is, and what follows from it."""
+        if (load := self.peak_load) is not None:
+            words = f"while the pads open they carry up to {100 * load:.2g} % of their grip"
+            if load < QUIET:
+                yield f"quiet: {words}: delay, opening time and friction hardly matter"
+            else:
+                yield f"not quiet: {words}: delay, opening time and friction matter"
 
     def error_sent(self) -> tuple[float, float]:
         """(position [m], angle [rad]) error of the deciding landing; NaN without a throw."""

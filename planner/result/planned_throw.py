@@ -13,9 +13,6 @@ from ..ocp import BASE, Layout, Optimum, Refinement, Solution
 from ..throw import Manipulator, Samples, Throw
 from ..uncertainty import RestCount, count_rests
 
-#: `Plan.robust` of a plain throw that no robust one was better than.
-PLAIN = "nominal"
-
 
 @dataclass(frozen=True, repr=False)
 class PlannedThrow:

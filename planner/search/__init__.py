@@ -1,6 +1,6 @@
 """The search for throws: one loop over starts, one attempt from each."""
 
-from .attempts import Exact, Outcome, attempt, error_over
+from .attempts import Exact, Outcome, attempt, error_over, quieted
 from .feasibility import check_start
 from .find import SETTINGS, Search, SearchContext
 from .guess import guess_of, initial_guess_from, remaining_throw, remaining_trajectory

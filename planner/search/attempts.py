@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 
 from ...models import Array
 from ...problems import Pose, Scene
-from ..ocp import BASE, Refinement, Request, Solution, ThrowNlp, WarmStart
+from ..ocp import BASE, Refinement, Request, Solution, ThrowNlp, WarmStart, effort_of
 from ..result import PlannedThrow
 from ..throw import SmoothingError, Throw, send
+from ..uncertainty import spread
 from ..verdict import Verdict, verdict
 from .guess import guess_of
 from .nlp_cache import Budget, CompiledNlp, NlpCache, Task
@@ -29,6 +30,8 @@ AT_BOUND = 1e-3
 MAX_CORRECTIONS = 8
 #: Most NLPs of one attempt, each refined by the verdict on the throw before.
 ROUNDS = 4
+#: Prices of the load on the pads that are tried, as shares of the task's, and the NLPs of each.
+QUIET, QUIET_ROUNDS = (1.0, 0.1, 0.01), 2
 #: Name of what ends a start whose motion cannot be sent, or whose object does not come down.
 SENDING, COMING_DOWN = "sent motion", "coming down"
 
@@ -174,8 +177,31 @@ def attempt(
             begin = replace(begin, refinement=after)
         else:
             # Multipliers fit their own NLP only.
-            guess = guess_of(one.throw, task.scene, begin.robust)
+            guess = guess_of(one.throw)
             begin = Exact(begin.goal, guess, after, begin.aim, robust=begin.robust)
+    return one
+
+
+def quieted(problems: NlpCache, one: Outcome, task: Task) -> Outcome:
+    """The throw with as little load on the pads while they open as limits let it; the throw itself
+    where its landings scatter no less.
+
+    The task's price of the load is tried first, then smaller ones.
+    """
+    throw, price = one.throw, task.quiet
+    if throw is None or not price or one.refinement.quiet:
+        return one
+    for share in QUIET:
+        after = replace(one.refinement, quiet=share * price)
+        start = Exact(one.goal, guess_of(throw), after, throw.aim)
+        other = attempt(problems, start, task, rounds=QUIET_ROUNDS)
+        task.budget.counts["starts"] += 1
+        if other.hits and other.throw is not None:
+            with task.budget("check"):
+                errors = [spread(each.deciding, one.goal) for each in (other.throw, throw)]
+            return other if errors[0] < errors[1] else one
+        if task.budget.late:
+            break
     return one
 
 
@@ -214,7 +240,9 @@ def _solved(
             broken = (COMING_DOWN,)
             break
         of_nlp = nlp.layout, solution, (x_nlp, z_nlp, theta_nlp)
-        numbered = solution.cost, nlp.size, start.refinement, aim.offset
+        quiet = start.refinement.quiet > 0.0
+        effort = effort_of(request, planned) if quiet else solution.cost
+        numbered = effort, nlp.size, start.refinement, aim.offset
         best, least = PlannedThrow(planned, throw, *numbered, *of_nlp), missed
         # Limits may end an elastic landing short of its aim: then no further aim helps.
         short = aim.goal.miss(x_nlp, theta_nlp)

@@ -18,7 +18,7 @@ from ..ocp import Optimum
 from ..result import Bound, PlannedThrow
 from ..samples import Releases
 from ..throw import Manipulator
-from .attempts import Elastic, Exact, Outcome, attempt
+from .attempts import Elastic, Exact, Outcome, attempt, quieted
 from .bounds import bound_of
 from .guess import guess_of
 from .move import Corrector, optimum_of
@@ -101,7 +101,7 @@ class SearchContext:
 class Search:
     """The search for throws to one target; warm: a solved throw to a target nearby.
 
-    found: throws to the target that differ, cheapest first; short: those that limits let come
+    found: throws to the target that differ, see `distinct`; short: those that limits let come
     nearest to it, nearest first; broken: how often a limit ended a start without either; elastic:
     number of elastic starts.
     """
@@ -127,10 +127,13 @@ class Search:
                 break
             with interrupts_deferred():
                 one = self.attempt(start)
+                quiet = quieted(self.context.problems, one, task) if one.hits else one
             task.budget.counts["starts"] += 1
             known, nearest = len(self.found), self.nearest
             if one.hits:
-                self.found = distinct([*self.found, one])
+                for throw in (quiet, one):
+                    if len(self.found) == known or task.loud:
+                        self.found = distinct([*self.found, throw])
             elif isinstance(start, Elastic) and one.ok:
                 self.short = sorted([*self.short, one], key=attrgetter("missed"))
             else:
@@ -224,7 +227,7 @@ class Search:
         target, scene = self._goal_of(warm), self.task.scene
         solution, own = warm.solution, warm.deciding.target
         if solution is None or own.kind != target.kind:
-            return Exact(target, guess_of(warm, scene))
+            return Exact(target, guess_of(warm))
         near = target.distance(own, scene.object.half_length) < NEAR
         return Exact(target, lambda _: solution.x, warm.refinement, warm.aim, solution, near)
 
@@ -260,7 +263,7 @@ class Search:
             before, best = best.missed, min(best, one, key=attrgetter("missed"))
             if one.missed > SETTINGS.gain * before:
                 break
-            guess = guess_of(one.throw, task.scene)
+            guess = guess_of(one.throw)
             if one.missed < SETTINGS.close:
                 exact = attempt(problems, Exact(start.goal, guess, one.refinement), task)
                 if exact.hits:
@@ -277,7 +280,7 @@ class Search:
         one = attempt(self.context.problems, own, task, rounds=2, corrections=1)
         if one.throw is None:
             return start
-        guess = guess_of(one.throw, task.scene)
+        guess = guess_of(one.throw)
         return replace(start, guess=guess, refinement=one.refinement, from_miss=True)
 
 
@@ -285,9 +288,9 @@ class Search:
 
 
 def distinct(found: list[Outcome]) -> list[Outcome]:
-    """The throws that differ from all before them, cheapest first."""
+    """The throws that differ from all before them, quiet ones first, the cheapest first."""
     kept: list[Outcome] = []
-    for one in sorted(found, key=lambda one: _throw_of(one).effort):
+    for one in sorted(found, key=lambda one: (not one.refinement.quiet, _throw_of(one).effort)):
         if all(_differ(_throw_of(one), _throw_of(other)) for other in kept):
             kept.append(one)
     return kept

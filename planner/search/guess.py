@@ -12,7 +12,7 @@ import numpy as np
 from ...models import Array, FlightState, Trajectory
 from ...models.release import ReleaseCase, relative_states
 from ...problems import Scene
-from ..ocp import Block, Request, ThrowNlp, lower_end, opening_nodes
+from ..ocp import Block, ThrowNlp, lower_end
 from ..result import PlannedThrow
 from ..throw import NO_SAMPLES, TICK, Manipulator, Throw
 
@@ -54,13 +54,14 @@ def _cup_times(nlp: ThrowNlp, scene: Scene, detach: Array, flight: float) -> Arr
     return np.append(times_at(corner, np.zeros(1)), times_at(middle, insertions))
 
 
-def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> Array:
-    """Decision vector of the request's `nlp` from a throw: a sampled one, or another NLP's."""
+def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow) -> Array:
+    """Decision vector of `nlp` from a throw: a sampled one, or another NLP's."""
     s = nlp.structure
+    request = nlp.request
     times = request.times(throw.opening_time)
     size = 6 if s.pivot else 4
     before, track, flight, entries = _as_thrown(nlp, throw)
-    delays = [0.0] if request.window is None else [0.0, *request.window.delays]
+    delays = [0.0, *(() if request.window is None else request.window.delays)]
 
     def relative(k: int, opening: int) -> Array:
         since = request.nodes[k - s.carry] - delays[opening]
@@ -75,40 +76,39 @@ def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> 
         if block.name == "t_rim":
             return float(entries[0])
         if block.name == "t_f":
-            # The flights of other openings start at the window's end.
-            late = times[-1] - times[s.detach]
-            return flight if block.index == 0 else flight - late
+            return flight
         return 0.0
 
     return nlp.decision_vector(times, list(throw.planned.at(times)), relative, other)
 
 
-def guess_of(throw: PlannedThrow, scene: Scene, robust: str = "") -> Callable[[ThrowNlp], Array]:
-    """What makes the decision vector of an NLP of `scene` from a throw; robust: its method."""
-    request = Request(scene, throw.manipulator, robust=robust)
-    return partial(initial_guess_from, throw=throw, request=request)
+def guess_of(throw: PlannedThrow) -> Callable[[ThrowNlp], Array]:
+    """What makes the decision vector of an NLP from a throw."""
+    return partial(initial_guess_from, throw=throw)
 
 
 def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float, Array]:
-    """Nodes [s] of a throw's opening, relative states there, flight time [s], times into the cup.
+    """Nodes [s] of a throw's opening, relative states there; flight time [s] from the last node,
+    times into the cup.
 
-    Of its own NLP's solution; of the exact model if the throw has no NLP."""
-    nodes = opening_nodes(throw.scene.mesh, throw.scene.gripper.profile().opening)
-    source = throw.layout
-    if source is None or throw.solution is None:
-        pivot = throw.exact
-        flight, relative = pivot.landing.flight_time, _relative(nlp, pivot.case, nodes)
-        return nodes, relative, flight, _cup_times(nlp, throw.scene, pivot.release.end, flight)
+    Of the solution of an NLP with these nodes; else of the exact model."""
+    nodes, source = nlp.request.opening_nodes, throw.layout
+    alike = source is not None and source.structure.opening == nlp.structure.opening
+    if source is None or throw.solution is None or not alike:
+        pivot, late = throw.exact, nodes[-1] - throw.scene.gripper.profile().opening
+        flown, relative = pivot.landing.flight_time, _relative(nlp, pivot.case, nodes)
+        into = _cup_times(nlp, throw.scene, pivot.release.end, flown)
+        return nodes, relative, flown - late, into - late
     x, old = throw.solution.x, source.structure
     states = [source.block(x, "rel", old.opens + i) for i in range(1, old.opening + 1)]
     known = [state for state in states if state is not None]
     track = np.array([np.zeros_like(known[0]), *known])
-    flown = source.block(x, "t_f", old.detach)
-    entered = [source.block(x, "t_cup", old.detach, i) for i in range(source.count("t_cup"))]
-    entered.insert(0, source.block(x, "t_rim", old.detach))
-    assert flown is not None
+    flight = source.block(x, "t_f", old.last)
+    entered = [source.block(x, "t_cup", old.last, i) for i in range(source.count("t_cup"))]
+    entered.insert(0, source.block(x, "t_rim", old.last))
+    assert flight is not None
     entries = [time for time in entered if time is not None]
-    return nodes, track, float(flown[0]), np.concatenate([np.zeros(0), *entries])
+    return nodes, track, float(flight[0]), np.concatenate([np.zeros(0), *entries])
 
 
 def remaining_throw(throw: PlannedThrow, manipulator: Manipulator) -> PlannedThrow:

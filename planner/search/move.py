@@ -17,7 +17,7 @@ from ...core import MoveC, MovedC, SamplesC, library
 from ...models import Array, Trajectory
 from ...models.release import STEPPED_SURFACE, Release, compiled_release
 from ..library import Neighbour
-from ..ocp import CondensedQp, Margins, Optimum, ReducedVariables, Request, Solution
+from ..ocp import CondensedQp, Margins, Optimum, ReducedVariables, Request, Solution, effort_of
 from ..result import PlannedThrow
 from ..throw import TICK, Samples, SmoothingError, Throw, case_of, send
 from ..verdict import verdict
@@ -56,7 +56,7 @@ class Corrector:
     def start(self, near: Neighbour, task: Task) -> Exact:
         """A solver's start from an optimum that lands near its goal."""
         optimum = near.optimum
-        guess = guess_of(self.throw_of(optimum, task), task.scene)
+        guess = guess_of(self.throw_of(optimum, task))
         return Exact(near.goal, guess, optimum.refinement, optimum.smoothing)
 
     def attempt(self, near: Neighbour, task: Task) -> Outcome:
@@ -99,7 +99,7 @@ class Corrector:
         u = found.kept["u"].copy()
         opens = self.controls.opening_time(u)
         thrown = Throw.sent(task.scene, manipulator, planned, samples, opens).released(release)
-        effort, size = self.controls.effort(planned), optimum.nlp_size
+        effort, size = effort_of(self.controls.request, planned), optimum.nlp_size
         throw = PlannedThrow(planned, thrown, effort, size, optimum.refinement, optimum=optimum)
         return throw, u
 
@@ -168,6 +168,8 @@ def optimum_of(
     if solution is None or layout is None or any(layout.structure.ranges):
         # In a region the landing is chosen by the optimum.
         return throw.optimum
+    if not controls.fits(layout):
+        return None
     aim = throw.deciding.target.shifted(*throw.aim)
     request = Request(throw.scene, throw.manipulator, aim, throw.refinement)
     try:

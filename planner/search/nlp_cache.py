@@ -76,7 +76,9 @@ class Budget:
 class Task:
     """One call of the planner: the scene aimed at its target, the solver, and the budget.
 
-    turns: whether theta counts modulo full turns; wanted: how many throws that differ to look for.
+    turns: whether theta counts modulo full turns; wanted: how many throws that differ to look for;
+    loud: whether a throw that was made quiet stays among them as it was, for a comparison; quiet:
+    price of the load on the pads.
     """
 
     scene: Scene
@@ -85,6 +87,8 @@ class Task:
     budget: Budget = field(default_factory=Budget)
     turns: Turns = "exact"
     wanted: int = 1
+    loud: bool = False
+    quiet: float = 0.0
 
     def aimed_at(self, target: Pose) -> Task:
         """This task for another target; a cup stays where it is for a pose of the task's region."""
@@ -110,8 +114,9 @@ class CompiledNlp:
     limits: tuple[Array, Array]
 
 
-#: Key of a scene's NLP: target's kind, lazy constraints, bodies, robust method, elastic landing.
-_Kind = tuple[tuple[bool, ...], frozenset[str], frozenset[str], str, bool]
+#: Key of a scene's NLP: target's kind, lazy constraints, bodies, price of load, robust method,
+#: elastic landing.
+_Kind = tuple[tuple[bool, ...], frozenset[str], frozenset[str], bool, str, bool]
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,5 +167,5 @@ class NlpCache:
 def _kind(request: Request) -> _Kind:
     refinement, target = request.refinement, request.target
     assert target is not None
-    lazy, bodies = refinement.lazy, refinement.bodies
-    return target.kind, lazy, bodies, request.robust, request.elastic > 0.0
+    options = refinement.quiet > 0.0, request.robust, request.elastic > 0.0
+    return target.kind, refinement.lazy, refinement.bodies, *options

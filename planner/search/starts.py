@@ -86,7 +86,7 @@ class Starts:
         """The decision vector of a release's throw, for any NLP."""
         scene = self.task.scene
         thrown = sampled_throw(scene, self.manipulator, self.releases, index)
-        return guess_of(PlannedThrow(thrown.path, thrown, 0.0, (0, 0)), scene)
+        return guess_of(PlannedThrow(thrown.path, thrown, 0.0, (0, 0)))
 
     def home(self, index: int, goal: Pose) -> Pose:
         """Where a release lands, in the goal's plane."""

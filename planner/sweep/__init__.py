@@ -5,6 +5,6 @@ result.
 """
 
 from .results import SWEEP_FILES, Sweep
-from .robust_plans import QUIET_MESH, Hardening, hardened, robust_scene
+from .robust_plans import ROBUST_MESH, Hardening, choose, hardened, robust_scene
 from .running import check_sweep, sweep
 from .statistics import quantiles, variance_shares

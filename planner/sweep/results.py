@@ -12,7 +12,7 @@ import numpy as np
 from ...models import Array, Flags, Indices, ReadOnly
 from ...models.release import MODELS
 from ...problems.files import filling, plain, write_json
-from ..result import PLAIN, Plan
+from ..result import Plan
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, own_style, save
 from ..throw import ThrowBatch
 from ..uncertainty import DelayScan, RestCount, Sampler
@@ -31,6 +31,9 @@ ROWS = 8192
 POINTS = 5000
 #: Narrowest span [mm, deg] of an axis; a narrower one shows rounding.
 MIN_SPAN = 0.02
+
+#: 97.5 % of a standard normal distribution are below.
+NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -68,17 +71,9 @@ class Sweep(ReadOnly):
         return f"Sweep({self.label}: {self.samples:,} throws, {rate:.1f} % succeed)"
 
     @property
-    def robust(self) -> bool:
-        """Whether the plan is robust; not if its throw is the plain one."""
-        return self.plan.robust not in ("", PLAIN)
-
-    @property
     def label(self) -> str:
-        """The scene's name, and the robust method of its plan."""
-        name, method = self.plan.scene.name, self.plan.robust
-        if method == PLAIN:
-            return f"{name}, plain throw (no robust one is better)"
-        return f"{name}, robust ({method})" if method else name
+        """The scene's name, and whether its plan is robust."""
+        return f"{self.plan.scene.name}{', robust' if self.plan.robust else ''}"
 
     @property
     def success(self) -> Flags:
@@ -109,7 +104,7 @@ class Sweep(ReadOnly):
             "samples": self.samples,
             "seed": self.sampler.seed,
             "model": self.batch.model,
-            "robust": self.robust,
+            "robust": self.plan.robust,
             "uncertain": self.sampler.names,
             "assumed": scene.uncertainty is None,
             "success": _rate(self.success),
@@ -172,12 +167,12 @@ class Sweep(ReadOnly):
 
 
 def _rate(successes: Flags) -> dict[str, float]:
-    """Share of the throws and its Wilson 95 % interval."""
-    from scipy.stats import binomtest
-
-    count, total = int(successes.sum()), successes.size
-    interval = binomtest(count, total).proportion_ci(method="wilson")
-    return {"rate": count / total, "low": float(interval.low), "high": float(interval.high)}
+    """Share of the throws and its Wilson 95 % interval (Wilson 1927)."""
+    total = successes.size
+    rate, narrow = float(successes.mean()), NORMAL_95**2 / total
+    middle = (rate + narrow / 2) / (1 + narrow)
+    half = math.sqrt(narrow * (rate * (1 - rate) + narrow / 4)) / (1 + narrow)
+    return {"rate": rate, "low": max(middle - half, 0.0), "high": min(middle + half, 1.0)}
 
 
 def pose_errors(plan: Plan, landings: Verdicts, nominal: Verdicts) -> dict[str, Array]:

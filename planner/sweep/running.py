@@ -44,8 +44,8 @@ def sweep(
     """Throw a solved plan's sent motion under its scene's [uncertainty].
 
     plan: also what `read_plan` read, or the path of a plan.json or of its folder.
-    A scene without that section has an opening delay uniform in +-10 ms. model: of the release;
-    empty for the model of the scene's tolerance. The samples are a seeded Sobol sequence; an
+    Without that section a delay of +-10 ms is assumed. model: of the release;
+    empty for the model of the scene's tolerance. The samples are a seeded even sequence; an
     executor, Dask's `client.get_executor()` for instance, spreads chunks of them without any change
     of the result. progress(thrown, samples) is called on the way. Raises InputError for a plan
     without a throw, an unknown model, numbers out of range.
@@ -115,7 +115,6 @@ def run_sweep(
 
     The chunks, and so the result to the last bit, do not depend on the executor.
     """
-    # A power of two: other parts of a Sobol sequence are not balanced.
     size = MODELS[judge.batch.model].chunk
     chunks = iter(range(0, samples, size))
     done: list[Throws] = []

@@ -5,5 +5,5 @@
 
 from .delays import FURTHEST, DelayScan, DelayTolerance, scan_delays, with_delays
 from .resting import Entries, RestCount, RestingThrow, count_rests
-from .sampled_throws import warnings
+from .sampled_throws import spread, warnings
 from .sampler import Sampler, sampler_of

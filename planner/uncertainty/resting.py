@@ -12,9 +12,9 @@ from ...models import Array, Flags
 from ...problems import Rest, Scene
 from ..rest import Ends, entry_states, roll_to_rest
 from ..throw import Throw
-from ..verdict import Code, Finding, Judge, is_as_successful
+from ..verdict import Code, Finding, Judge
 from .sampled_throws import sample_throws
-from .sampler import HALF_CELL
+from .sampler import even_shares
 
 #: Throws that a plan's count samples.
 COUNTED = 64
@@ -22,8 +22,6 @@ COUNTED = 64
 REPORTED = 1
 #: Seed of the samples that choose a plan; others than those counted, which would flatter it.
 COMPARED = 7
-#: Throws of a comparison of success: the number of a sweep.
-SWEPT = 1000
 #: Findings of throws that do not come to their flight: these rest nowhere.
 STOPPED = (Code.NO_LANDING, Code.RELEASE, Code.SLIP_BEFORE_OPENING)
 
@@ -111,7 +109,9 @@ class Entries:
         detach[:, 0] -= speed * (flights.freed[flies] - batch.throw.landing_time)
         detach[:, 3] -= speed
         low, high = np.array([rest.restitution, rest.friction]).T
-        contact = low + (high - low) * _shares(len(values), seed)[flies]
+        # In another order than the throws, whose values take the same steps.
+        shares = np.random.default_rng(seed).permutation(even_shares(2, 0, len(values), seed))
+        contact = low + (high - low) * shares[flies]
         states = entry_states(batch.scene, detach)[1]
         restitution, friction = contact.T
         return cls(states, restitution, friction, flies, judged.succeeds)
@@ -160,21 +160,6 @@ class RestingThrow:
         """Flags (64,) of the throws that succeed and rest where they should."""
         return Entries.sampled(self.throw, seed=COMPARED).stays(self.throw.scene)
 
-    @cached_property
-    def succeeds(self) -> Flags:
-        """Flags (1000,) of the throws that a sweep counts as a success."""
-        if self.throw.scene.uncertainty is None:
-            return np.ones(SWEPT, bool)
-        judge, values = sample_throws(self.throw, self.throw.target, SWEPT)
-        return judge.verdicts(values).succeeds
-
-    def is_better_than(self, other: RestingThrow) -> bool:
-        """Whether more throws succeed and stay: significantly more, or at no cost of success."""
-        if self.stays.sum() <= other.stays.sum():
-            return False
-        significant = not is_as_successful(other.stays, self.stays)
-        return significant or is_as_successful(self.succeeds, other.succeeds)
-
 
 def count_rests(throw: Throw) -> RestCount | None:
     """The count over samples of a throw's uncertain parameters and contacts.
@@ -184,15 +169,3 @@ def count_rests(throw: Throw) -> RestCount | None:
     if throw.scene.rest is None:
         return None
     return Entries.sampled(throw).count(throw.scene)
-
-
-def _shares(count: int, seed: int) -> Array:
-    """Shares (count, 2) of the ranges of restitution and friction, evenly spread.
-
-    In random order: columns of two Sobol sequences correlate row by row.
-    """
-    from scipy.stats import qmc
-
-    rng = np.random.default_rng([seed, 2])
-    shares = qmc.Sobol(2, rng=rng).random(1 << max(count - 1, 0).bit_length())[:count]
-    return np.asarray(rng.permutation(shares) + HALF_CELL)

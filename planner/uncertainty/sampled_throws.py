@@ -16,6 +16,8 @@ from .sampler import sampler_of
 
 #: Number of sampled throws for reserves and spread.
 SAMPLES = 256
+#: The same of the comparison of a throw with its quiet one.
+SPREAD = 64
 #: Codes of the limits with a reserve in a plan; sweeps judge the scatter of the landing.
 RESERVED = (
     Code.SLIP_BEFORE_OPENING,
@@ -64,7 +66,7 @@ def _models(throw: Throw, target: Pose) -> Iterator[Finding]:
 def _reserves(throw: Throw, target: Pose, robust: bool) -> Iterator[Finding]:
     """Warnings about limits, except the tolerance, that throws within [uncertainty] break."""
     # A robust plan does not go with a target that moves.
-    first = "" if robust or not target.at_rest else "plan with --robust auto, "
+    first = "" if robust or not target.at_rest else "plan with --robust, "
     scene = throw.scene
     if scene.uncertainty is None:
         return
@@ -80,6 +82,17 @@ def _reserves(throw: Throw, target: Pose, robust: bool) -> Iterator[Finding]:
                 note += f"; the plan uses {use:.0f} % of the friction limit"
             note += f": {first}{code.cure}"
             yield Finding(Code.UNCERTAIN, share, 0.0, body=code.value, broken=False, note=note)
+
+
+def spread(throw: Throw, target: Pose) -> float:
+    """95 % pose error [m] of a throw about its own landing, over `SPREAD` samples of what is
+    uncertain; inf where more never land."""
+    judge, values = sample_throws(throw, target, SPREAD)
+    batch = judge.batch
+    (x, theta, _), own = batch.fly(values).landing.T, batch.fly(batch.nominal()).landing[0]
+    turn = theta - own[1] if target.theta is not None else 0.0
+    errors = np.nan_to_num(throw.scene.object.pose_error(x - own[0], turn), nan=math.inf)
+    return float(np.sort(errors)[math.ceil(0.95 * SPREAD) - 1])
 
 
 def sample_throws(

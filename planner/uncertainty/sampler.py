@@ -9,10 +9,21 @@ import numpy as np
 from ...models import Array, ReadOnly
 from ...problems import Distribution, Scene, Uncertainty
 
-#: Half a cell of SciPy's 30-bit sequence; added to a share it excludes 0 and 1.
-HALF_CELL = 2.0**-31
+#: Primes, whose square roots are the steps of `even_shares`.
+PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47)
+#: Shares keep this distance to 0 and 1, which are no quantiles of a normal value.
+LEAST_SHARE = 2.0**-31
 #: Standard deviations in the range of a normal value; one draw in 10^19 is outside.
 COVERED = 9.0
+
+
+def even_shares(size: int, first: int, count: int, seed: int) -> Array:
+    """Points `first` to `first + count` (count, size) between 0 and 1 of a sequence that fills the
+    cube evenly, moved at random: Richtmyer's, whose steps are the square roots of primes."""
+    begin = np.random.default_rng(seed).random(size)
+    steps = np.sqrt(np.array(PRIMES[:size], float))
+    shares = (begin + np.arange(first, first + count)[:, None] * steps) % 1.0
+    return np.asarray(np.clip(shares, LEAST_SHARE, 1.0 - LEAST_SHARE))
 
 
 @dataclass(frozen=True)
@@ -32,16 +43,10 @@ class Sampler(ReadOnly):
 
     def draw(self, first: int, count: int) -> Array:
         """Samples `first` to `first + count` of the sequence: (count, P), columns as `names`."""
-        from scipy.special import ndtr, ndtri
-        from scipy.stats import qmc
-
-        sequence = qmc.Sobol(len(self.names), rng=np.random.default_rng(self.seed))
-        if first:
-            sequence.fast_forward(first)
-        # SciPy warns of draws other than powers of two; the first values of a longer draw are
-        # equal.
-        shares = sequence.random(1 << max(count - 1, 0).bit_length())[:count] + HALF_CELL
+        shares = even_shares(len(self.names), first, count, self.seed)
         if self.factor is not None:
+            from scipy.special import ndtr, ndtri
+
             shares = ndtr(ndtri(shares) @ self.factor.T)
         columns = [
             _quantile(spread, share, bounds)
@@ -84,14 +89,14 @@ def sampler_of(scene: Scene, seed: int) -> Sampler:
 
 def _quantile(spread: Distribution, shares: Array, bounds: tuple[float, float]) -> Array:
     """Values of a distribution below which `shares` (N,) of it lie; normal ones cut off."""
-    from scipy.special import ndtr, ndtri
-
     if spread.samples:
         ordered = np.sort(np.array(spread.samples))
         return np.asarray(ordered[np.minimum(shares * ordered.size, ordered.size - 1).astype(int)])
     mean = spread.expected
     if spread.uniform is not None:
         return np.asarray(mean + spread.uniform * (2.0 * shares - 1.0))
+    from scipy.special import ndtr, ndtri
+
     deviation = spread.deviation
     low, high = (float(ndtr((bound - mean) / deviation)) for bound in bounds)
     values = mean + deviation * ndtri(low + shares * (high - low))

@@ -86,7 +86,7 @@ class Code(Enum):
     MODELS_DIFFER = (
         "models_differ",
         "land elsewhere by another release model",
-        "a quiet release (--robust quiet)",
+        "a quiet throw ([cost] quiet = 10)",
     )
     REST = (
         "rest",

@@ -24,8 +24,8 @@ def prepared() -> tp.Planner:
     planner = tp.Planner(tp.load_scene("hand-flip"))
     heard: list[tuple[int, int]] = []
     made = planner.prepare(COUNT, lambda done, total: heard.append((done, total)))
-    assert COUNT <= made == planner.prepared < 1.5 * COUNT
-    assert heard[-1] == (COUNT, COUNT) and heard == sorted(heard)
+    assert 0.9 * COUNT <= made == planner.prepared < 1.5 * COUNT
+    assert heard[-1] == (min(made, COUNT), COUNT) and heard == sorted(heard)
     return planner
 
 
@@ -73,7 +73,7 @@ def test_a_moved_throw_is_a_whole_plan(prepared, tmp_path) -> None:
     near = plan.target.in_plane(plan.target.plane_x - 0.0025, plan.target.theta + 0.01)
     for options in ({}, {"solver": "fatrop"}):
         assert prepared.plan(near, warm=plan, **options).solved
-    assert prepared.plan(plan.target, robust="quiet").robust
+    assert prepared.plan(plan.target, robust=True).robust
 
 
 def test_other_planners_find_it_and_other_scenes_do_not(prepared) -> None:
@@ -197,9 +197,9 @@ def test_two_that_grow_the_same_one_lose_nothing(prepared, tmp_path, monkeypatch
     one = reopened(prepared)
     assert len(one.records) == 40
     # Merging takes away what it has seen, and no more.
-    other.add(rows[40:50])
+    other.add(rows[40:])
     one.merge()
-    assert len(reopened(prepared).records) == 50
+    assert len(reopened(prepared).records) == len(rows)
 
 
 def test_beyond_the_edge_the_nearest_throw_is_found_with_a_library_and_without(
@@ -243,8 +243,11 @@ def test_turns_alternatives_and_a_choice(prepared) -> None:
     assert turned.solved and turns == pytest.approx(round(turns), abs=1e-9)
     several = prepared.plan(target, alternatives=2)
     assert several.solved
+    order = [
+        (not p.throw.refinement.quiet, p.throw.effort) for p in (several, *several.alternatives)
+    ]
+    assert order == sorted(order)
     for other in several.alternatives:
-        assert other.throw.effort >= several.throw.effort
         assert other.error_sent()[0] <= prepared.scene.tolerance.position
     # No attempt is begun when the time is over.
     assert prepared.plan(target, patience=1e-9).status == "not_found"

@@ -159,10 +159,10 @@ def test_a_hand_throws_around_an_obstacle(plan_of) -> None:
 def test_a_robust_throw_goes_around_an_obstacle() -> None:
     """Early and late as well."""
     scene = tp.load_scene("delay")
-    first = tp.Planner(scene).plan(robust="auto").throw.deciding
+    first = tp.Planner(scene).plan(robust=True).throw.deciding
     blocked = scene.replace(obstacle=(in_the_way(first),))
     assert contacts(dataclasses.replace(first, scene=blocked))
-    plan = tp.Planner(blocked).plan(robust="auto")
+    plan = tp.Planner(blocked).plan(robust=True)
     assert plan.solved
     for delay in (-0.01, -0.005, 0.0, 0.005, 0.01):
         assert not contacts(plan.throw.deciding.delayed(delay)), delay

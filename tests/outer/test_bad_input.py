@@ -384,14 +384,14 @@ plan cup --out | --out
 sweep hand-box --samples 0 --out new | --samples; 0; at least 1
 sweep hand-box --workers 0 --out new | --workers; 0; 1 to
 sweep hand-box --model lss --out new | model; lss; ls-step
-sweep hand-box --robust quite --out new | --robust; quite; quiet
+sweep hand-box --robust=quite --out new | --robust; quite
 map drop --out new | no [hand] or [robot]
 map pose --z 1e9 --out new | --z = 1e+09: must be at most
 map pose --samples 0 --out new | --samples 0: must be a whole number, 1 to
 plan pose --velocity 9 | velocity = 9: must be at most 5
 plan pose --arrival 0.05 | arrival = 0.05: must be above 0.1 s, the gripper's dwell and opening
 plan pose --arrival 2 1 | arrival = [2, 1]: the earliest comes first
-plan pose --velocity 0.1 --robust auto | velocity and arrival go with neither robust nor
+plan pose --velocity 0.1 --robust | velocity and arrival go with neither robust nor
 prepare hand-box --throws 0 | --throws 0: must be a whole number, 1 to 10000
 prepare drop | no [hand] or [robot]
 play drop | drop: has a given [motion] and no [hand] or [robot]

@@ -73,4 +73,4 @@ def test_states_beyond_the_limits_are_refused(pose_planner, swing, name, value, 
     with pytest.raises(tp.InputError, match=words):
         pose_planner.plan(start=state)
     with pytest.raises(tp.InputError, match="start: a robust plan begins at rest"):
-        pose_planner.plan(start=state_at(swing, 50), robust="auto")
+        pose_planner.plan(start=state_at(swing, 50), robust=True)

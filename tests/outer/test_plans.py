@@ -55,7 +55,7 @@ def assert_interface_keys(answer: dict) -> None:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_a_built_in_scene_is_solved_as_it_is_sent(name, plan_of, saved) -> None:
+def test_a_built_in_scene_is_solved_as_it_is_sent(name, plan_of, tmp_path) -> None:
     plan = plan_of(name)
     answer = plan.to_dict()
     assert_interface_keys(answer)
@@ -87,7 +87,8 @@ def test_a_built_in_scene_is_solved_as_it_is_sent(name, plan_of, saved) -> None:
     assert times["opening_time"] - times["command_time"] == pytest.approx(profile.dwell)
     assert times["detach_time"] - times["opening_time"] == pytest.approx(profile.opening)
     assert times["landing_time"] > times["detach_time"]
-    written = json.loads((saved(name) / "plan.json").read_text())
+    plan.save(tmp_path, draw=False)
+    written = json.loads((tmp_path / "plan.json").read_text())
     assert set(written) >= set(answer)
     assert written["landing"] == answer["landing"] and written["release"] == times
 
@@ -367,28 +368,24 @@ def test_no_bound_forbids_letting_go_at_rest(name, hand, opening, target) -> Non
     assert tp.plan(scene, target).bound is None
 
 
-@pytest.mark.parametrize("method", ["auto", pytest.param("scenarios", marks=pytest.mark.slow)])
-def test_a_robust_plan_scatters_a_tenth(method, planner_of, plan_of) -> None:
-    plan = planner_of("delay").plan(robust=method)
-    answer = plan.to_dict()
-    assert answer["status"] == "solved" and answer["robust"]["method"] == plan.robust
-    assert answer["error"][answer["decides"]]["position"] < 1e-4
-    assert answer["error"][answer["decides"]]["angle"] < math.radians(0.02)
+def test_a_quiet_plan_scatters_a_tenth_and_a_robust_one_no_more(plan_of) -> None:
+    """Of one whose load on the pads costs nothing."""
+    quiet = tp.plan(tp.load_scene("delay").replace(cost=tp.Cost(quiet=10.0)))
+    robust = tp.plan("delay", robust=True)
     spread = [
         tp.sweep(one, samples=256).to_dict()["quantiles"]["scaled"]["95"]
-        for one in (plan, plan_of("delay"))
+        for one in (robust, quiet, plan_of("delay"))
     ]
-    assert spread[0] < spread[1] / 10
+    assert robust.robust and spread[1] < spread[2] / 10 and spread[0] < 1.1 * spread[1]
 
 
 @pytest.mark.slow
 def test_a_robust_section_asks_for_it_and_uncertainty_alone_does_not(tmp_path, plan_of) -> None:
     assert not plan_of("delay").to_dict().get("robust")
-    path = tmp_path / "quiet.toml"
-    path.write_text(tp.scene_text("delay") + '\n[robust]\nmethod = "quiet"\n')
+    path = tmp_path / "robust.toml"
+    path.write_text(tp.scene_text("delay") + "\n[robust]\n")
     answer = tp.plan(path).to_dict()
-    assert answer["status"] == "solved" and answer["robust"]["method"] == "quiet"
-    assert 0 < answer["robust"]["peak_load"] < 1
+    assert answer["status"] == "solved" and answer["robust"] is True
 
 
 @pytest.mark.slow

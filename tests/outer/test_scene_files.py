@@ -260,7 +260,7 @@ SECTIONS = [
     ("torque", "limits = [80.0, 80.0]", "limits.*3"),
     ("choice", "among = 0", "among = 0"),
     ("cost", "jerk = 0.0", "jerk.*at least 0.001"),
-    ("robust", 'method = "loud"', "method.*'loud'"),
+    ("robust", 'method = "loud"', "method"),
     ("landing", "speed_max = -1", "speed_max"),
     ("uncertainty", "", "nothing is uncertain"),
     ("uncertainty", "delay = 0.01", "delay = 0.01: must be"),

@@ -23,9 +23,8 @@ import casadi as ca
 import numpy as np
 
 from ....models import FlightState, held_wrench
-from ....problems import Robust
 from ..problem import land
-from ..request import Request
+from ..request import CONSTANT_RATES, SCENARIOS, Request
 from ..scene_constraint import Brake, Flight, SceneConstraint
 from ..stages import REL, Stage
 from ..transcription import NODES, Interval, Ocp, grip_instants
@@ -53,30 +52,30 @@ SETTINGS = RobustSettings()
 
 @dataclass(frozen=True)
 class Quiet(SceneConstraint):
-    """Constraints or cost of the load in each interval of the window, by the robust method."""
+    """Constant rates in each interval of the window, or the price of the load."""
 
-    method: str
+    rates: bool
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
-        """For a robust request. Scenarios have the quiet cost too."""
+        """For a quiet request and for scenarios the price of the load; else constant rates."""
         if request.window is None:
             return None
         s, profile, nodes = SETTINGS, request.scene.gripper.profile(), request.nodes
-        earliest = request.window.early * request.window.step
-        grip = profile.force((nodes[:-1] + nodes[1:]) / 2 + earliest) / profile.full
+        grip = profile.force((nodes[:-1] + nodes[1:]) / 2 + request.window.lead) / profile.full
+        price = request.refinement.quiet or s.load_price
         values = {
             "window_step": request.window.step,
             "window": nodes[-1] - nodes[0],
             "quiet_arm": request.scene.object.half_length,
-            "quiet_weight": s.load_price * (s.load_grip / (s.load_grip + grip)) ** 2,
+            "quiet_weight": price * (s.load_grip / (s.load_grip + grip)) ** 2,
         }
-        return cls(values, Robust.QUIET if request.robust == "scenarios" else request.robust)
+        return cls(values, request.robust == CONSTANT_RATES)
 
     def in_interval(self, interval: Interval) -> None:
-        """The method's constraints or cost in the window: after the carry."""
+        """Constant rates, or the price, in the window: after the carry."""
         if interval.phase != "carry":
-            METHODS[self.method](interval)
+            (_keep_rates if self.rates else _price_load)(interval)
 
 
 def _loads(interval: Interval) -> list[list[ca.SX]]:
@@ -99,18 +98,11 @@ def _price_load(interval: Interval) -> None:
         interval.add_objective(price * share / 2 * squared)
 
 
-def _keep_joint_velocity(interval: Interval) -> None:
+def _keep_rates(interval: Interval) -> None:
     """The coordinates move at constant rates."""
     for share in (0.0, 1.0):
         acceleration = interval.at(share * interval.dt)[2]
         interval.subject_to("constant joint velocity", acceleration, -1e-3, 1e-3)
-
-
-#: What each robust method adds to an interval of the window.
-METHODS: dict[str, Callable[[Interval], None]] = {
-    Robust.QUIET: _price_load,
-    "joint-velocity": _keep_joint_velocity,
-}
 
 
 @dataclass(frozen=True)
@@ -210,7 +202,7 @@ class Scenarios(SceneConstraint):
     def of(cls, request: Request) -> Self | None:
         """For the robust method of this name: grip force over the window, body, contact and grasp
         of each throw."""
-        if request.robust != "scenarios" or request.window is None:
+        if request.robust != SCENARIOS or request.window is None:
             return None
         scene, values = request.scene, dict[str, Any](scenario_weight=SETTINGS.miss_price)
         profile, deviations = scene.gripper.profile(), scene.deviations
