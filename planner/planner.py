@@ -36,8 +36,8 @@ MOST_ALTERNATIVES = 20
 SAMPLES = 20_000
 #: Default patience [s] of a plan of one throw: ten times what a search takes that finds none.
 PATIENCE = 30.0
-#: Price of the load on the pads in a robust plan whose scene gives none.
-QUIET = 10.0
+#: The same of a robust plan.
+ROBUST_PATIENCE = 6.0
 #: Patience [s] of the choice of the throw that stays.
 REST_PATIENCE = 5.0
 #: Default number of throws of `prepare`.
@@ -118,9 +118,9 @@ class Planner:
         turns. warm: a solved plan of this scene for a target nearby. alternatives: number of
         further throws to look for, each different, for `Plan.alternatives`. robust: whether
         further throws are looked for that succeed more often under [uncertainty]; always with a
-        section [robust]. patience [s]: time limit, without building; by default 30 s. start: a
-        state of motion in which the throw begins at its time 0, instead of the scene's start;
-        `warm` is then a plan whose motion passes that state.
+        section [robust]. patience [s]: time limit, without building; by default 30 s, 6 s for a
+        robust one. start: a state of motion in which the throw begins at its time 0, instead of the
+        scene's start; `warm` is then a plan whose motion passes that state.
 
         With [uncertainty], [rest] or `robust` the plan is the best of the throws that were found,
         by most successes, then the least 95 % pose error, then the least effort.
@@ -139,10 +139,10 @@ class Planner:
         if start is not None and robust:
             raise InputError("start: a robust plan begins at rest")
         wanted, scene = self._wanted(alternatives), self.scene.aimed_at(target)
-        budget = Budget.lasting(patience or PATIENCE)
+        budget = Budget.lasting(patience or (ROBUST_PATIENCE if robust else PATIENCE))
         compares = robust or scene.uncertainty is not None or scene.rest is not None
         compares = compares and target.at_rest
-        quiet = scene.weights.quiet or (QUIET if robust else 0.0)
+        quiet = scene.weights.quiet
         task = Task(scene, target, solver, budget, turns, wanted, loud=compares, quiet=quiet)
         built, self._build_time = self._build_time, 0.0
         context, at_rest = self._context, start is None
@@ -292,7 +292,7 @@ class Planner:
     def _plain_problems(self) -> NlpCache:
         """The NLPs of the library's throws, whose weights are the usual ones."""
         scene = self.problems.scene
-        if scene.weights == Cost():
+        if scene.weights.usual:
             return self.problems
         usual = Cost(quiet=scene.weights.quiet)
         return NlpCache(scene.changed(cost=usual, choice=None), self.manipulator)

@@ -305,6 +305,11 @@ class Cost(Section):
         default=0.0,
     )
 
+    @property
+    def usual(self) -> bool:
+        """Whether the costs of motion, all but `quiet`, are the defaults."""
+        return self == Cost(quiet=self.quiet)
+
 
 @dataclasses.dataclass(frozen=True)
 class Mesh(Section):

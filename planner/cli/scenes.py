@@ -123,7 +123,7 @@ def plan_arguments(add: Add) -> None:
     words = "also list up to N different throws to the target"
     kind = integer(0, MOST_ALTERNATIVES)
     add("--alternatives", type=kind, metavar="N", default=0, help=words)
-    add_patience(add, "30 s")
+    add_patience(add, "30 s, 6 s for a robust plan")
     add_out(add, "plan.json, motion.csv, throw.png and throw.gif")
 
 
@@ -311,7 +311,7 @@ def sweep_arguments(add: Add) -> None:
     add("scene", metavar="SCENE", help="a built-in scene, a TOML file, or the folder of a plan")
     add_target(add)
     add("--robust", action="store_true", help=ROBUST)
-    add_patience(add, "30 s")
+    add_patience(add, "30 s, 6 s for a robust plan")
     names = f"release model: {', '.join(BATCH_MODELS)} (default: the scene's [tolerance] model)"
     add("--model", default="", metavar="NAME", help=names)
     add("--samples", type=integer(), metavar="N", default=1000, help="throws (default: 1000)")

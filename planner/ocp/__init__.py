@@ -11,6 +11,7 @@ from .reduced_qp import CondensedQp, Optimum, ReducedVariables, Step
 from .request import (
     BASE,
     CONSTANT_RATES,
+    LEAST_LOAD,
     PALM_TIMES,
     SCENARIOS,
     Margins,

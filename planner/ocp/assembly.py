@@ -104,7 +104,7 @@ def assemble(
     Stages may share a kind. landing: expression in the variables of the stage at detach. shared:
     functions of other NLPs, to which those of this one are added.
     """
-    symbol, at = parameters.symbol, structure.last
+    symbol, at = parameters.symbol, structure.detach
     kinds: dict[int, tuple[StageFunctions, list[int]]] = {}
     links: list[Link] = []
     blocks: list[tuple[Block, int, slice]] = []

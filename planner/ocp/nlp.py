@@ -175,8 +175,9 @@ def build_nlp(request: Request, shared: Shared | None = None) -> ThrowNlp:
     turns = any(constraint.turns for constraint in constraints)
     structure = Structure(
         carry=scene.mesh.carry,
-        opening=scene.mesh.opening + (0 if window is None else window.late),
+        opening=len(request.opening_nodes) - 1,
         early=0 if window is None else window.early,
+        late=0 if window is None or window.held else window.late,
         integrator=scene.mesh.integrator,
         substeps=scene.mesh.substeps if scene.mesh.integrator == "rk4" else 1,
         instants=INSTANTS["carry" in request.refinement.lazy],

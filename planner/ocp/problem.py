@@ -73,11 +73,12 @@ class ThrowProblem:
             self.coordinate_limits(interval)
             for instant in gripped_instants(interval):
                 self.grip_constraints(instant)
+            if interval.phase == "late":
+                self.scene_constraints(Instant.of(interval, ca.SX(0), "none"))
             for constraint in self.constraints:
                 constraint.in_interval(interval)
-        last = self.ocp.node(self.ocp.structure.last)
-        landing = self.landing(last)
-        self.brake(last)
+        landing = self.landing(self.ocp.node(self.ocp.structure.detach))
+        self.brake(self.ocp.node(self.ocp.structure.last))
         return landing
 
     def variables(self, k: int) -> Stage:
@@ -88,7 +89,7 @@ class ThrowProblem:
                 stage.state(block, n)
         if k < s.carry:
             stage.state(T)
-        if k > s.opens:
+        if s.opens < k <= s.detach:
             stage.state(REL, self.ocp.rel_size)
         for constraint in self.constraints:
             constraint.add_states(self.ocp, k, stage)

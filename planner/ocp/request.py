@@ -18,8 +18,9 @@ from ...problems import Mesh, Pose, Scene, Uncertainty
 from ..throw import Manipulator, Throw, friction_use
 from ..verdict import FLYING, Code, Finding, Verdict
 
-#: Kinds of robust NLPs: constant joint rates in the window; several throws under one motion.
-CONSTANT_RATES, SCENARIOS = "constant rates", "scenarios"
+#: Kinds of robust NLPs: a price of the load on the pads in the whole window; constant joint rates
+#: there; several throws under one motion.
+LEAST_LOAD, CONSTANT_RATES, SCENARIOS = "least load", "constant rates", "scenarios"
 #: A constraint that an NLP has only after a verdict found it broken: "carry" (grip, floor,
 #: column at more instants, floor of the arm), "flight" and "return" (hand's body, more depths of a
 #: cup), "passing" (column in flight) or "torque".
@@ -203,13 +204,15 @@ WINDOW = WindowSettings()
 class Window:
     """The window in which the pads may open, around the planned opening.
 
-    early, late: intervals of `step` [s] before the opening's start and after detach. lead [s]: from
-    the earliest opening to the planned one. delays (scenarios,) [s]: of the openings other than the
-    planned one.
+    early, late: intervals of `step` [s] before the opening's start and after detach. held: whether
+    the object counts as between the pads in the late ones, with grip 0, and flies from their end.
+    lead [s]: from the earliest opening to the planned one. delays (scenarios,) [s]: of the openings
+    other than the planned one.
     """
 
     early: int
     late: int
+    held: bool
     step: float
     lead: float
     delays: Array = field(default_factory=lambda: np.zeros(0))
@@ -222,7 +225,8 @@ def window_of(scene: Scene) -> Window:
     steps = [length / count for length, count in ((before, early), (after, late)) if count]
     step = max(steps, default=WINDOW.step)
     delays = [step * (early if share < 0 else late) * share for share in WINDOW.delays]
-    return Window(early, late, step, early * step, np.array([d for d in delays if d != 0.0]))
+    others = np.array([delay for delay in delays if delay != 0.0])
+    return Window(early, late, False, step, early * step, others)
 
 
 def quiet_window_of(scene: Scene) -> Window:
@@ -238,7 +242,7 @@ def quiet_window_of(scene: Scene) -> Window:
         for side in (spread.expected - spread.reach[0], spread.reach[1] - spread.expected)
     )
     late = math.ceil(after / WINDOW.quiet - 1e-9)
-    return Window(0, late, after / late, before)
+    return Window(0, late, True, after / late, before)
 
 
 def _uncertain_span(scene: Scene) -> tuple[float, float]:
@@ -340,8 +344,11 @@ class Request:
 
     @property
     def opening_nodes(self) -> Array:
-        """Times [s] of the stages from the opening's start on."""
-        return self.nodes if self.window is None else self.nodes[self.window.early :]
+        """Times [s] of the stages from the opening's start to the flight's."""
+        window = self.window
+        if window is None:
+            return self.nodes
+        return self.nodes[window.early : len(self.nodes) - (0 if window.held else window.late)]
 
     def times(self, opening_time: float) -> Array:
         """Times (last + 1,) [s] of the stages on the motion's clock."""

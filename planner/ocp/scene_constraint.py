@@ -184,7 +184,7 @@ class SceneConstraint:
         """Adds states to node k."""
 
     def at_instant(self, at: Instant) -> None:
-        """At an instant of the carry or a node of the opening."""
+        """At an instant of the carry or a node of the opening or of the late phase."""
 
     def in_interval(self, interval: Interval) -> None:
         """In each interval."""

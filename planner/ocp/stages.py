@@ -9,8 +9,8 @@ The decision vector, stage by stage (n coordinates; C carry intervals, O opening
     C < k < C + O  like k = C, rel (6; 4 without the pivot)    c (n), acc (collocation)
     k = C + O      like k = C, rel                             t_f, those of scene constraints
 
-A quiet or robust plan has intervals of fixed length before the opening (stages like k = C), and
-intervals of the opening without grip after detach.
+A robust plan has intervals of fixed length before the opening (stages like k = C) and after detach
+(without rel); its stage of detach has c too.
 With several openings (`terms.robust.Scenarios`) rel, acc and t_f have indices: 0 is the planned
 opening. Known values are no variables: rest, a given start pose, the object under full grip.
 """
@@ -36,7 +36,7 @@ JERK_UNIT = 1000.0
 class Structure:
     """The sizes and options of an NLP; numbers of a scene are parameters.
 
-    carry, early, opening: numbers of intervals of the phases. instants: parts of a carry
+    carry, early, opening, late: numbers of intervals of the phases. instants: parts of a carry
     interval; grip and held bar are constrained at their ends. initial_motion: whether the throw
     starts from a given motion instead of rest. pivot: whether the object's rotation in the pads
     matters (not for a CoM grasp with the landing angle open). ranges: whether the target is a range
@@ -48,6 +48,7 @@ class Structure:
     carry: int
     opening: int
     early: int
+    late: int
     integrator: str
     substeps: int
     instants: int
@@ -68,9 +69,14 @@ class Structure:
         return self.carry + self.early
 
     @property
+    def detach(self) -> int:
+        """Number of the stage at which it is zero."""
+        return self.opens + self.opening
+
+    @property
     def last(self) -> int:
         """Number of the last stage: at detach, or at the end of the window."""
-        return self.opens + self.opening
+        return self.detach + self.late
 
 
 @dataclass(frozen=True)

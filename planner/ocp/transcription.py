@@ -94,7 +94,7 @@ class Ocp:
         self.initial = initial
         s, kinds = self.structure, dict[tuple[bool, ...], Stage]()
         for k in range(s.last + 1):
-            marks = (0, s.carry - 1, s.carry, s.opens, s.last)
+            marks = (0, s.carry - 1, s.carry, s.opens, s.detach, s.last)
             kind = tuple(k < mark for mark in marks) + tuple(k == mark for mark in marks)
             if kind not in kinds:
                 kinds[kind] = variables(k)
@@ -255,12 +255,12 @@ class Interval(Node):
     following: Stage
 
     @property
-    def phase(self) -> Literal["carry", "early", "opening"]:
+    def phase(self) -> Literal["carry", "early", "opening", "late"]:
         """The phase, see `problem`."""
         s = self.ocp.structure
         if self.k < s.opens:
             return "carry" if self.k < s.carry else "early"
-        return "opening"
+        return "opening" if self.k < s.detach else "late"
 
     @property
     def dt(self) -> ca.SX:
@@ -301,10 +301,10 @@ class Interval(Node):
         """The object in the pads follows the sliding pivot of an opening: of the planned one (0) in
         the opening, of others in the whole window of a robust plan."""
         s, dt = self.ocp.structure, self.dt
-        first = s.carry if opening else s.opens
+        first, end = (s.carry, s.last) if opening else (s.opens, s.detach)
         gauss = s.integrator == "gauss" or opening > 0
         points = 2 if gauss else 2 * s.substeps + 1
-        forces = self.stage_parameter(f"grip_force {opening}", points, first, s.last - first)
+        forces = self.stage_parameter(f"grip_force {opening}", points, first, end - first)
         grips, state = ca.vertsplit(forces), self.relative_state(opening)
         step = self._gauss_step if gauss else self._runge_kutta_steps
         self.set_next(REL.number(opening), step(state, dt, grips, opening))

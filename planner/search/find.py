@@ -12,7 +12,7 @@ from operator import attrgetter, itemgetter
 import numpy as np
 
 from ...interrupts import interrupts_deferred
-from ...problems import Cost, Pose
+from ...problems import Pose
 from ..library import Library, Neighbour
 from ..ocp import Optimum
 from ..result import Bound, PlannedThrow
@@ -192,7 +192,7 @@ class Search:
         anew."""
         task = self.task
         # A moved throw keeps its place in a region, and its time: another may cost less.
-        may_move = not task.target.is_region and task.scene.weights == Cost()
+        may_move = not task.target.is_region and task.scene.weights.usual
         may_move = may_move and task.solver == "fatrop"
         if self.warm is not None:
             optimum = self._optimum(self.warm) if may_move else None

@@ -12,7 +12,7 @@ import numpy as np
 from ...models import Array, FlightState, Trajectory
 from ...models.release import ReleaseCase, relative_states
 from ...problems import Scene
-from ..ocp import Block, ThrowNlp, lower_end
+from ..ocp import Block, Request, ThrowNlp, lower_end
 from ..result import PlannedThrow
 from ..throw import NO_SAMPLES, TICK, Manipulator, Throw
 
@@ -76,7 +76,9 @@ def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow) -> Array:
         if block.name == "t_rim":
             return float(entries[0])
         if block.name == "t_f":
-            return flight
+            # The flights of other openings start at the window's end.
+            late = times[-1] - times[s.detach]
+            return flight if block.index == 0 else flight - late
         return 0.0
 
     return nlp.decision_vector(times, list(throw.planned.at(times)), relative, other)
@@ -88,13 +90,13 @@ def guess_of(throw: PlannedThrow) -> Callable[[ThrowNlp], Array]:
 
 
 def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float, Array]:
-    """Nodes [s] of a throw's opening, relative states there; flight time [s] from the last node,
+    """Nodes [s] of a throw's opening, relative states there; flight time [s] from the last one,
     times into the cup.
 
     Of the solution of an NLP with these nodes; else of the exact model."""
     nodes, source = nlp.request.opening_nodes, throw.layout
-    alike = source is not None and source.structure.opening == nlp.structure.opening
-    if source is None or throw.solution is None or not alike:
+    own = Request(throw.scene, throw.manipulator, refinement=throw.refinement).opening_nodes
+    if source is None or throw.solution is None or not np.array_equal(own, nodes):
         pivot, late = throw.exact, nodes[-1] - throw.scene.gripper.profile().opening
         flown, relative = pivot.landing.flight_time, _relative(nlp, pivot.case, nodes)
         into = _cup_times(nlp, throw.scene, pivot.release.end, flown)
@@ -103,9 +105,9 @@ def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float,
     states = [source.block(x, "rel", old.opens + i) for i in range(1, old.opening + 1)]
     known = [state for state in states if state is not None]
     track = np.array([np.zeros_like(known[0]), *known])
-    flight = source.block(x, "t_f", old.last)
-    entered = [source.block(x, "t_cup", old.last, i) for i in range(source.count("t_cup"))]
-    entered.insert(0, source.block(x, "t_rim", old.last))
+    flight = source.block(x, "t_f", old.detach)
+    entered = [source.block(x, "t_cup", old.detach, i) for i in range(source.count("t_cup"))]
+    entered.insert(0, source.block(x, "t_rim", old.detach))
     assert flight is not None
     entries = [time for time in entered if time is not None]
     return nodes, track, float(flight[0]), np.concatenate([np.zeros(0), *entries])

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...models import Flags
 from ...problems import Mesh, Scene
-from ..ocp import CONSTANT_RATES, SCENARIOS
+from ..ocp import CONSTANT_RATES, LEAST_LOAD, SCENARIOS
 from ..result import Plan
 from ..search import Exact, NlpCache, Task, attempt, guess_of
 from ..uncertainty import RestingThrow, sampler_of
@@ -140,8 +140,9 @@ class Hardening:
 def hardened(
     plans: Sequence[Plan], hardening: Hardening, others: Callable[[], Sequence[Plan]]
 ) -> Plan:
-    """The best of plans to a target, of throws with constant joint rates while the pads open, of
-    throws planned for several openings at once, and of those from other throws to the target.
+    """The best of plans to a target, of throws with the least load or constant joint rates while
+    the pads open, of throws planned for several openings at once, and of those from other throws to
+    the target.
 
     The search ends where all samples succeed.
     """
@@ -158,7 +159,7 @@ def hardened(
                 yield pool[-1]
 
     for source in sources():
-        for method in (CONSTANT_RATES, SCENARIOS):
+        for method in (LEAST_LOAD, CONSTANT_RATES, SCENARIOS):
             start = best_of(pool) if method == SCENARIOS else source
             if is_over() or (id(start), method) in tried:
                 continue

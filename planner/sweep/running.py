@@ -45,7 +45,7 @@ def sweep(
 
     plan: also what `read_plan` read, or the path of a plan.json or of its folder.
     Without that section a delay of +-10 ms is assumed. model: of the release;
-    empty for the model of the scene's tolerance. The samples are a seeded even sequence; an
+    empty for the model of the scene's tolerance. The samples are a seeded Halton sequence; an
     executor, Dask's `client.get_executor()` for instance, spreads chunks of them without any change
     of the result. progress(thrown, samples) is called on the way. Raises InputError for a plan
     without a throw, an unknown model, numbers out of range.

@@ -109,7 +109,7 @@ class Entries:
         detach[:, 0] -= speed * (flights.freed[flies] - batch.throw.landing_time)
         detach[:, 3] -= speed
         low, high = np.array([rest.restitution, rest.friction]).T
-        # In another order than the throws, whose values take the same steps.
+        # In another order than the throws, whose values come from the same sequence.
         shares = np.random.default_rng(seed).permutation(even_shares(2, 0, len(values), seed))
         contact = low + (high - low) * shares[flies]
         states = entry_states(batch.scene, detach)[1]

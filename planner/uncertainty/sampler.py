@@ -9,7 +9,7 @@ import numpy as np
 from ...models import Array, ReadOnly
 from ...problems import Distribution, Scene, Uncertainty
 
-#: Primes, whose square roots are the steps of `even_shares`.
+#: Bases of the columns of `even_shares`.
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47)
 #: Shares keep this distance to 0 and 1, which are no quantiles of a normal value.
 LEAST_SHARE = 2.0**-31
@@ -18,12 +18,21 @@ COVERED = 9.0
 
 
 def even_shares(size: int, first: int, count: int, seed: int) -> Array:
-    """Points `first` to `first + count` (count, size) between 0 and 1 of a sequence that fills the
-    cube evenly, moved at random: Richtmyer's, whose steps are the square roots of primes."""
-    begin = np.random.default_rng(seed).random(size)
-    steps = np.sqrt(np.array(PRIMES[:size], float))
-    shares = (begin + np.arange(first, first + count)[:, None] * steps) % 1.0
-    return np.asarray(np.clip(shares, LEAST_SHARE, 1.0 - LEAST_SHARE))
+    """Points `first` to `first + count` (count, size) between 0 and 1 of Halton's sequence, which
+    fills the cube evenly: number k's digits in a prime base, mirrored at the point.
+
+    The digits of each place are permuted at random (Owen 2017), as columns of large bases are
+    alike without.
+    """
+    rng, numbers = np.random.default_rng(seed), np.arange(first, first + count)
+    shares = np.zeros((count, size))
+    for i, base in enumerate(PRIMES[:size]):
+        rest, unit = numbers, 1.0
+        while unit > LEAST_SHARE:
+            unit /= base
+            rest, digits = np.divmod(rest, base)
+            shares[:, i] += unit * rng.permutation(base)[digits]
+    return np.clip(shares, LEAST_SHARE, 1.0 - LEAST_SHARE)
 
 
 @dataclass(frozen=True)

@@ -192,7 +192,7 @@ def test_the_contact_file_is_part_of_a_scene(name: str, tmp_path) -> None:
     scene = load_scene(file)
     assert scene.contact.friction == pytest.approx(0.9)
     assert scene.mean_delay == pytest.approx(0.004 if name == "narrow" else 0.0)
-    swept = tp.sweep(tp.Planner(scene).plan(), samples=256)
+    swept = tp.sweep(tp.Planner(scene).plan(), samples=4096)
     values = {n: swept.values[:, i] for i, n in enumerate(swept.sampler.names)}
     product = np.log(values["friction"] * values["patch_radius"])
     assert product.std() == pytest.approx(belief.product_deviation, rel=0.35)

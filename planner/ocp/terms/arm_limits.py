@@ -96,8 +96,9 @@ class TorqueLimits(SceneConstraint):
         return cls({"torque_max": (1 - margin) * limits})
 
     def at_instant(self, at: Instant) -> None:
-        """With the load of the object; also without it while the pads open."""
-        _limit_torques(at, at.q, at.dq, at.ddq, at.load)
+        """With the load of the object; without it after detach; both while the pads open."""
+        if at.grip != "none":
+            _limit_torques(at, at.q, at.dq, at.ddq, at.load)
         if at.grip != "full":
             _limit_torques(at, at.q, at.dq, at.ddq)
 

@@ -100,7 +100,7 @@ class LatestArrival(SceneConstraint):
 
     def add_states(self, ocp: Ocp, k: int, stage: Stage) -> None:
         """The carry's duration from the end of the carry to detach, where the flight's is known."""
-        if k >= ocp.structure.carry:
+        if ocp.structure.carry <= k <= ocp.structure.detach:
             stage.state(T)
 
     def in_flight(self, flight: Flight) -> None:

@@ -90,7 +90,7 @@ class CollisionAvoidance(SceneConstraint):
         for number in range(SETTINGS.carry if k < s.carry else 1):
             at = Instant.of(interval, number / SETTINGS.carry * interval.dt, "full")
             if number or k or s.free_start:
-                self._avoid(interval, at.q, number, links, at)
+                self._avoid(interval, at.q, number, links, at if k < s.detach else None)
 
     def at_last(self, brake: Brake) -> None:
         """The arm in the brake."""
@@ -108,7 +108,7 @@ class CollisionAvoidance(SceneConstraint):
             return
         p, size = flight.p, max(flight.ocp.structure.parts, 1) * BODY
         planes = flight.stage_parameter(
-            "flight_planes", SETTINGS.flight * size, flight.ocp.structure.last, 1
+            "flight_planes", SETTINGS.flight * size, flight.ocp.structure.detach, 1
         )
         share, here = ca.SX.sym("share"), ca.SX.sym("planes", size)
         at = flight.after(flight.time * share)

@@ -77,6 +77,8 @@ class Floor(SceneConstraint):
 
     def at_instant(self, at: Instant) -> None:
         """The bar's ends, joint frames, the hand and its body not below the floor."""
+        if at.grip == "none":
+            return
         p, margin, arm = at.p, at.held_margin, at.ocp.kinematics
         if at.ocp.structure.parts:
             heights = [z - point.radius for _, z, point in at.held_points()]
@@ -135,6 +137,8 @@ class Column(SceneConstraint):
 
     def at_instant(self, at: Instant) -> None:
         """The held bar's ends clear of the column."""
+        if at.grip == "none":
+            return
         if at.ocp.structure.parts:
             clear = [_disc_distance(at, x, z, point) for x, z, point in at.held_points()]
         else:
