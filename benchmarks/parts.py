@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from throwplan import (
+    Cost,
     Cup,
     Distribution,
     Landing,
@@ -84,7 +85,7 @@ def make(effort: Effort) -> ReportSection:
     """The ladder from a bare throw to one with all parts; all scenes with their imports."""
     names = [name for name in scene_names() if load_scene(name).motion is None]
     chosen = ["hand-box", "cup"] if effort.quick else names
-    rungs = list(ladder(load_scene("hand-box")))
+    rungs = list(ladder(load_scene("hand-box").replace(cost=Cost(quiet=0.0))))
     if effort.quick:
         rungs = [rungs[i] for i in (0, HAND, ARM)]
     step, climbed = effort.counter(len(rungs) + len(chosen)), list[Row]()

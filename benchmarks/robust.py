@@ -119,6 +119,7 @@ def _uncertain(kind: str, rng: np.random.Generator) -> dict[str, Any]:
         return Distribution(normal=rng.uniform(low, high), relative=True)
 
     found = {"delay": Distribution(uniform=rng.uniform(0.003, 0.012))}
+    found["opening"] = Distribution(uniform=0.0)
     if kind == "delay":
         return found
     found |= {"friction": share(0.05, 0.15), "patch_radius": share(0.05, 0.15)}

@@ -41,15 +41,17 @@ plt.rc("legend", fontsize=9)
 ## An upright landing
 
 First a target as for a cup: the bar upright over the middle of the bin, its lower end 5 cm
-inside.
+inside. At first the gripper opens exactly as planned.
 """
 
 # %%
+exact = tp.Distribution(uniform=0.0)
 scene = tp.load_scene("cup").replace(
     name="bin",
     object=tp.Object(mass=0.15, inertia=1.14e-3, length=0.30, width=0.02, com=0.15),
     cup=tp.Cup(x=1.08, rim=0.125, radius=0.075, depth=0.12, clearance=0.005, insertion=0.05),
     target=tp.Pose(x=1.08, z=0.225, theta=math.radians(-90)),
+    uncertainty=tp.Uncertainty(delay=exact, opening=exact),
 )
 plain = tp.plan(scene)
 print(plain.summary())
@@ -114,15 +116,16 @@ plt.show()
 """
 ## All that is uncertain
 
-`sweep` throws a plan with other values of all that is uncertain, and counts how many stay. This
-scene has no `[uncertainty]`: the gripper opens up to 10 ms early or late. The plain plan is counted
-in the scene with `[rest]`, too.
+`sweep` throws a plan with other values of all that is uncertain, and counts how many stay. What a
+scene does not say of the opening is assumed: up to 10 ms early or late, and half its time more or
+less. The plain plan is counted in the scene with `[rest]`, too.
 """
 
 # %%
 shares = {}
 for name, one in shown.items():
-    wanted = dataclasses.replace(one, scene=one.scene.replace(rest=rest))
+    unknown = one.scene.replace(rest=rest, uncertainty=None)
+    wanted = dataclasses.replace(one, scene=unknown)
     shares[name] = tp.sweep(wanted, samples=256).rests.share
     print(f"{name:12} {100 * shares[name]:5.1f} % of 256 throws come to rest in the bin")
 

@@ -36,7 +36,7 @@ MOST_ALTERNATIVES = 20
 SAMPLES = 20_000
 #: Default patience [s] of a plan of one throw: ten times what a search takes that finds none.
 PATIENCE = 30.0
-#: The same of a robust plan.
+#: Default patience [s] of a robust plan.
 ROBUST_PATIENCE = 6.0
 #: Patience [s] of the choice of the throw that stays.
 REST_PATIENCE = 5.0

@@ -116,6 +116,12 @@ class Jobs(JobKeys):
     bins: tuple[Bin, ...]
     picks: tuple[Pick, ...]
 
+    @property
+    def loud(self) -> Jobs:
+        """The same jobs with throws whose load on the pads costs nothing."""
+        cost = self.base.get("cost", {"time": TIME})
+        return dataclasses.replace(self, base=self.base | {"cost": cost | {"quiet": 0.0}})
+
     def check(self) -> None:
         """Poses fit the arm, names are unique, bins are known, and each throw's scene is one."""
         mistakes = Mistakes()

@@ -381,10 +381,29 @@ class Scene(Section):
         return 0.0 if spread is None else spread.about(0.0).expected
 
     @property
+    def uncertain(self) -> Uncertainty:
+        """[uncertainty], with what is assumed beside it."""
+        usual = {name: getattr(Uncertainty.USUAL, name) for name in self.assumed_spreads}
+        if self.uncertainty is None:
+            return Uncertainty(**usual)
+        return self.uncertainty.changed(**usual)
+
+    @property
+    def assumed_spreads(self) -> tuple[str, ...]:
+        """Names of the values whose distributions are assumed: delay and opening where they are
+        not given, the opening not beside a measured force."""
+        known, measured = self.uncertainty, self.gripper.force is None
+        return tuple(
+            name
+            for name in Uncertainty.USUAL.names
+            if (known is None or getattr(known, name) is None)
+            and not (measured and name == "opening")
+        )
+
+    @property
     def deviations(self) -> dict[str, float]:
-        """Standard deviations of the uncertain parameters by name; without [uncertainty] of the
-        default delay."""
-        spreads = (self.uncertainty or Uncertainty.USUAL).about(self.values)
+        """Standard deviations of the uncertain parameters by name."""
+        spreads = self.uncertain.about(self.values)
         return {name: spread.deviation for name, spread in spreads.items()}
 
     @property

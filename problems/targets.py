@@ -302,7 +302,7 @@ class Cost(Section):
         "earliest delay, to as long after detach; 0 leaves it out",
         least=0,
         most=1e4,
-        default=0.0,
+        default=10.0,
     )
 
     @property

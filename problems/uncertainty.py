@@ -23,7 +23,7 @@ class Distribution(Section):
     true }` is +-10 % of it.
     """
 
-    uniform: float | None = optional("half width about `mean`", above=0)
+    uniform: float | None = optional("half width about `mean`; 0: none", least=0)
     normal: float | None = optional(
         "standard deviation about `mean`; cut off where values become impossible", above=0
     )
@@ -115,7 +115,9 @@ class Parameter:
 class Uncertainty(Section):
     """Distributions of uncertain values, for sweeps and robust plans.
     At least one of the keys. Each holds a table with exactly one of `uniform`, `normal` and
-    `samples`, for example `{ uniform = 0.010, mean = 0.004 }`.
+    `samples`, for example `{ uniform = 0.010, mean = 0.004 }`. A `delay` and an `opening` that are
+    left out are assumed, in sweeps, quiet and robust plans and with [rest]; `delay = 0` says that
+    it does not vary.
 
     Errors of the hand's pose and twist are those at the start of the opening. correlation
     is of the normal scores (a Gaussian copula).
@@ -123,7 +125,8 @@ class Uncertainty(Section):
 
     #: Rules of the uncertain values by name.
     PARAMETERS: ClassVar[dict[str, Parameter]]
-    #: Uncertainty of a scene without [uncertainty]: an opening up to 10 ms early or late.
+    #: What is assumed of values that a scene does not give: an opening up to 10 ms early or late,
+    #: in half to one and a half times its duration.
     USUAL: ClassVar[Uncertainty]
 
     delay: Distribution | None = optional(
@@ -158,8 +161,13 @@ class Uncertainty(Section):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The uncertain parameters."""
-        return tuple(name for name in self.PARAMETERS if getattr(self, name) is not None)
+        """The uncertain parameters; without those that are as the scene has them."""
+        known = {name: getattr(self, name) for name in self.PARAMETERS}
+        return tuple(
+            name
+            for name, one in known.items()
+            if one is not None and (one.uniform != 0.0 or one.mean is not None)
+        )
 
     def about(self, values: Mapping[str, float]) -> dict[str, Distribution]:
         """The distributions by name in absolute numbers, about the scene's `values`."""
@@ -168,7 +176,7 @@ class Uncertainty(Section):
     def check(self) -> None:
         """At least one value is uncertain, only positive ones are relative, correlations are
         valid."""
-        if not self.names:
+        if all(getattr(self, name) is None for name in self.PARAMETERS):
             keys = ", ".join(one.key for one in self.PARAMETERS.values())
             raise InputError(f"nothing is uncertain (known: {keys})")
         for name in self.names:
@@ -191,7 +199,7 @@ class Uncertainty(Section):
             if not -1.0 < value < 1.0:
                 raise InputError(f"correlation of {pair} = {value:g}: must be between -1 and 1")
             seen.add(frozenset((one, other)))
-        lowest = float(np.linalg.eigvalsh(self.matrix).min())
+        lowest = float(np.linalg.eigvalsh(self.matrix).min(initial=1.0))
         if lowest < 1e-9:
             raise InputError(
                 f"correlation: no such values exist: the matrix must be positive definite, its "
@@ -249,14 +257,21 @@ Uncertainty.PARAMETERS = {
     for field in dataclasses.fields(Uncertainty)
     if field.name != "correlation"
 }
-Uncertainty.USUAL = Uncertainty(delay=Distribution(uniform=0.010))
+Uncertainty.USUAL = Uncertainty(
+    delay=Distribution(uniform=0.010), opening=Distribution(uniform=0.5, relative=True)
+)
 
 
 def uncertainty_from(table: Mapping[str, Any]) -> Uncertainty:
     """The section [uncertainty] of a scene file; InputError naming the key."""
     keys = {one.key: name for name, one in Uncertainty.PARAMETERS.items()}
     pairs = {k: _pairs(v, keys) for k, v in table.items() if k == "correlation"}
-    section_read: Uncertainty = from_table(Uncertainty, {**table, **pairs})
+    none = {
+        key: {"uniform": 0.0}
+        for key in Uncertainty.USUAL.names
+        if type(table.get(key)) in (int, float) and table[key] == 0
+    }
+    section_read: Uncertainty = from_table(Uncertainty, {**table, **pairs, **none})
     return section_read
 
 

@@ -15,6 +15,7 @@ from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
 from throwplan.planner.result import SentMotion
 from throwplan.planner.throw import TICK, make_manipulator
 from throwplan.planner.verdict import grip_use
+from throwplan.problems import Distribution, Uncertainty
 
 from oracle.motion import ArmMotion, Samples
 
@@ -38,6 +39,17 @@ def varied(scene: tp.Scene, limits: dict[str, Any] | None = None, **sections: An
         if isinstance(values, dict):
             sections[name] = dataclasses.replace(getattr(scene, name), **values)
     return scene.replace(**sections)
+
+
+def loud(name: str) -> tp.Scene:
+    """A built-in scene whose load on the pads costs nothing, so that the release has an effect."""
+    return tp.load_scene(name).replace(cost=tp.Cost(quiet=0.0))
+
+
+def only(correlation: tuple = (), **spreads: Distribution) -> Uncertainty:
+    """These values are uncertain; delay and opening are not if they are not among them."""
+    none = Distribution(uniform=0.0)
+    return Uncertainty(**{"delay": none, "opening": none} | spreads, correlation=correlation)
 
 
 def request_of(scene: tp.Scene) -> Request:

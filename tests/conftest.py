@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import throwplan as tp
+from builders import loud
 from job_lists import TWO
 
 _FOLDER = tempfile.TemporaryDirectory(prefix="throwplan-tests-")
@@ -37,6 +38,18 @@ def plan_of(planner_of) -> Callable[[str], tp.Plan]:
 
 
 @pytest.fixture(scope="session")
+def loud_planner_of() -> Callable[[str], tp.Planner]:
+    """The planner of a built-in scene where the load on the pads costs nothing."""
+    return cache(lambda name: tp.Planner(loud(name)))
+
+
+@pytest.fixture(scope="session")
+def loud_plan_of(loud_planner_of) -> Callable[[str], tp.Plan]:
+    """Its plan."""
+    return cache(lambda name: loud_planner_of(name).plan())
+
+
+@pytest.fixture(scope="session")
 def cup_plan(plan_of: Callable[[str], tp.Plan]) -> tp.Plan:
     """The plan of the scene `near-cup`."""
     return plan_of("near-cup")
@@ -56,11 +69,11 @@ def saved(plan_of, tmp_path_factory) -> Callable[[str], Path]:
 
 
 @pytest.fixture(scope="session")
-def turned(planner_of, tmp_path_factory) -> tuple[tp.Plan, Path]:
+def turned(loud_planner_of, tmp_path_factory) -> tuple[tp.Plan, Path]:
     """A plan of the cup in a plane turned by 20 degrees, and its folder; not to be changed."""
     turn, folder = math.radians(20.0), tmp_path_factory.mktemp("plans") / "cup"
     target = tp.Pose(x=0.92 * math.cos(turn), y=0.92 * math.sin(turn), z=0.22, theta=-math.pi / 2)
-    plan = planner_of("near-cup").plan(target)
+    plan = loud_planner_of("near-cup").plan(target)
     assert plan.status == "solved", plan.message
     return plan.save(folder, draw=False), folder
 

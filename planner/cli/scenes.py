@@ -218,6 +218,8 @@ def map_arguments(add: Add) -> None:
     add("--z", type=number(), metavar="Z", help="height of the landing (default: the target's)")
     words = "sampled states (default: 200000)"
     add("--samples", type=integer(1, MOST), metavar="N", default=200_000, help=words)
+    words = "also show the 95 %% pose error of the prepared throws: where to put the target"
+    add("--robust", action="store_true", help=words)
     add_out(add, "map.png and map.npz")
 
 
@@ -233,7 +235,7 @@ def map_landings(options: argparse.Namespace) -> int:
     make_manipulator(scene)
     prepare_out(options, MAP_FILES)
     with Progress(scene.name) as progress:
-        result = reach_map(scene, z, samples, progress=progress)
+        result = reach_map(scene, z, samples, robust=options.robust, progress=progress)
     if not result.found:
         if options.json:
             print_result(options, result.to_dict(), "")

@@ -139,6 +139,6 @@ class Cycle(ReadOnly):
         lines += [f"  warning: {words}" for words in self.warnings]
         if beyond := allowed(self.scene):
             lines.append(f"  {exceeded_words(beyond, 'may take ')}")
-        if words := assumed_words(self.scene):
+        if words := assumed_words(self.scene, self.scene.assumed):
             lines.append(f"  {words}")
         return "\n".join(lines + [f"  note: {words}" for words in self.scene.notes])

@@ -50,6 +50,18 @@ def plan_cycle(
         raise InputError(f"{jobs.name}: order = 'free': {words}: order = 'given'")
     say = progress or (lambda words: None)
     jobs = with_joints(jobs)
+    cycle = _planned(jobs, patience, say)
+    if not cycle.solved and jobs.base_scene.weights.quiet:
+        # A quiet hand follows its object, perhaps to where another one waits.
+        say(f"{jobs.name}: again, with throws that are not quiet")
+        cycle = _planned(jobs.loud, patience, say)
+    spent = cycle.time | {"total": time.perf_counter() - started}
+    return dataclasses.replace(cycle, time=spent)
+
+
+def _planned(jobs: Jobs, patience: float, say: Callable[[str], object]) -> Cycle:
+    """The cycle of jobs whose picks have all joints."""
+    started = time.perf_counter()
     objects = WaitingObjects(jobs)
     throws = _Throws(jobs, patience, say)
     planned = time.perf_counter() - started

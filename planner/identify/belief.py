@@ -154,7 +154,8 @@ def applied(belief: Belief, scene: Scene) -> Scene:
         scene.contact, friction=known.value("friction"), patch_radius=known.value("patch_radius")
     )
     old = scene.uncertainty
-    spreads = {} if old is None else {name: getattr(old, name) for name in old.names}
+    given = {name: getattr(old, name, None) for name in Uncertainty.PARAMETERS}
+    spreads = {name: spread for name, spread in given.items() if spread is not None}
     pairs = [] if old is None else [p for p in old.correlation if not {*p[:2]} & {*known.names}]
     own = uncertainty_of(belief)
     spreads |= {name: getattr(own, name) for name in own.names}

@@ -34,7 +34,7 @@ from .records import Records, are_valid, optimum_in, record_of, record_type
 Turns = Literal["exact", "any"]
 #: Version of the records. Raise it where a field or a number of `ReducedVariables` gets another
 #: meaning.
-FORMAT = 9
+FORMAT = 10
 
 
 @dataclass(frozen=True)
@@ -115,9 +115,9 @@ class Library:
                 (self.folder / part).unlink()
         self._parts = {name: self.records}
 
-    def record(self, optimum: Optimum, landing: tuple[float, float]) -> Records:
+    def record(self, optimum: Optimum, landing: tuple[float, float], error95: float) -> Records:
         """The record of a throw that lands there."""
-        return record_of(self._type, optimum, landing)
+        return record_of(self._type, optimum, landing, error95)
 
     def optimum(self, index: int) -> Optimum:
         """The throw of that number."""
@@ -139,8 +139,8 @@ class Library:
         if (target.theta is not None) != self.angle:
             return
         landings = self.landings(target.z)
-        # Of the throws that land in a region, the cheapest come first.
-        cost = self.records["effort"] if target.is_region else None
+        # Of the throws that land in a region, those come first that scatter least.
+        cost = self.records["error95"] if target.is_region else None
         for i, goal, away in nearest_landings(self._scene, target, turns, landings, count, cost):
             if not away < within:
                 return

@@ -22,13 +22,13 @@ WIDEST = 1.0
 #: Length [bytes] of a record's texts (guards, margins).
 TEXT = 128
 #: Fields of a record that are finite numbers.
-NUMBERS = ("landing", "u", "slope", "detach", "effort", "smoothing", "quiet")
+NUMBERS = ("landing", "u", "slope", "detach", "effort", "smoothing", "quiet", "error95")
 
 
 def record_type(controls: ReducedVariables, angle: bool) -> np.dtype[Any]:
     """The fields of a record, those of `Optimum` in single precision.
 
-    landing: x [m], theta [rad].
+    landing: x [m], theta [rad]. error95 [m]: 95 % pose error under what is uncertain.
     """
     f, u = "<f4", controls.size
     fields: list[Any] = [
@@ -40,19 +40,22 @@ def record_type(controls: ReducedVariables, angle: bool) -> np.dtype[Any]:
         ("smoothing", f, 2),
         ("nlp_size", "<i4", 2),
         ("quiet", f),
+        ("error95", f),
         ("guards", f"S{TEXT}"),
         ("margins", f"S{TEXT}"),
     ]
     return np.dtype(fields)
 
 
-def record_of(kind: np.dtype[Any], optimum: Optimum, landing: tuple[float, float]) -> Records:
+def record_of(
+    kind: np.dtype[Any], optimum: Optimum, landing: tuple[float, float], error95: float
+) -> Records:
     """The record () of a throw that lands at `landing`."""
     row = np.zeros((), kind)
     row["landing"] = landing
     for name in ("u", "slope", "detach", "effort", "smoothing", "nlp_size"):
         row[name] = getattr(optimum, name)
-    row["quiet"] = optimum.refinement.quiet
+    row["quiet"], row["error95"] = optimum.refinement.quiet, min(error95, FARTHEST)
     row["guards"] = " ".join(sorted(optimum.refinement.lazy)).encode()
     row["margins"] = _margins_text(optimum.refinement.margins)
     return row

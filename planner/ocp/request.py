@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...models import Array
-from ...problems import Mesh, Pose, Scene, Uncertainty
+from ...problems import Distribution, Mesh, Pose, Scene
 from ..throw import Manipulator, Throw, friction_use
 from ..verdict import FLYING, Code, Finding, Verdict
 
@@ -219,21 +219,21 @@ class Window:
 
 
 def window_of(scene: Scene) -> Window:
-    """The window of a scene's [uncertainty]; +-10 ms without it."""
-    before, after = _uncertain_span(scene)
+    """The window of a robust request."""
+    before, after, delayed = _uncertain_span(scene)
     early, late = (math.ceil(span / WINDOW.step - 1e-9) for span in (before, after))
     steps = [length / count for length, count in ((before, early), (after, late)) if count]
     step = max(steps, default=WINDOW.step)
-    delays = [step * (early if share < 0 else late) * share for share in WINDOW.delays]
+    ends = step * early, min(step * late, delayed)
+    delays = [ends[share > 0] * share for share in WINDOW.delays]
     others = np.array([delay for delay in delays if delay != 0.0])
     return Window(early, late, False, step, early * step, others)
 
 
 def quiet_window_of(scene: Scene) -> Window:
-    """The window of a quiet request: as long after detach as [uncertainty] lets the pads open late,
-    10 ms without it. Before the opening's start, under full grip, load costs nothing."""
-    known, usual = scene.uncertainty or Uncertainty.USUAL, Uncertainty.USUAL
-    delay = known.delay or usual.delay
+    """The window of a quiet request: as long after detach as the pads may open late. Before the
+    opening's start, under full grip, load costs nothing."""
+    delay = scene.uncertain.delay
     assert delay is not None
     spread = delay.about(0.0)
     width = WINDOW.deviations * spread.deviation if delay.normal is not None else 0.0
@@ -245,27 +245,22 @@ def quiet_window_of(scene: Scene) -> Window:
     return Window(0, late, True, after / late, before)
 
 
-def _uncertain_span(scene: Scene) -> tuple[float, float]:
+def _uncertain_span(scene: Scene) -> tuple[float, float, float]:
     """Times [s] from the earliest start of the opening to its mean, and from the mean detach to the
-    latest."""
-    section = scene.uncertainty
-    delay = section.delay if section is not None else Uncertainty.USUAL.delay
-    opening = None if section is None else section.opening
+    latest; and to the latest of an opening that is hardly slower than planned."""
     nominal = scene.gripper.profile().opening
-    before, after = 0.0, WINDOW.slow_opening * nominal
-    if delay is not None:
-        spread = delay.about(0.0)
-        low, high = spread.reach
-        width = WINDOW.deviations * spread.deviation if delay.normal is not None else 0.0
-        before = max(spread.expected - low, width)
-        after += max(high - spread.expected, width)
-    if opening is not None:
-        spread = opening.about(nominal)
-        width = WINDOW.deviations * spread.deviation if opening.normal is not None else 0.0
-        after += max(
-            max(spread.reach[1], spread.expected + width) - (1 + WINDOW.slow_opening) * nominal, 0.0
-        )
-    return before, after
+    delay, opening = scene.uncertain.delay, scene.uncertain.opening
+    assert delay is not None
+    spread, slow = delay.about(0.0), (opening or Distribution(uniform=0.0)).about(nominal)
+    width, slower = (
+        WINDOW.deviations * one.deviation if one.normal is not None else 0.0
+        for one in (spread, slow)
+    )
+    before = max(spread.expected - spread.reach[0], width)
+    after = max(spread.reach[1] - spread.expected, width)
+    hardly = WINDOW.slow_opening * nominal
+    longest = max(slow.reach[1] - nominal, slow.expected + slower - nominal, hardly)
+    return before, after + longest, after + hardly
 
 
 def opening_nodes(mesh: Mesh, opening: float) -> Array:

@@ -40,7 +40,7 @@ class Structure:
     interval; grip and held bar are constrained at their ends. initial_motion: whether the throw
     starts from a given motion instead of rest. pivot: whether the object's rotation in the pads
     matters (not for a CoM grasp with the landing angle open). ranges: whether the target is a range
-    of x, of theta. robust: whether it is of a robust plan, whose window may be empty. calibrated:
+    of x, of theta. robust: whether it is of a robust plan. calibrated:
     whether the flight has the bias of [calibration]. parts: number of capsules of the object's
     outline, 0 for a bar.
     """

@@ -24,8 +24,20 @@ from ...problems import Pose, Scene
 from ..library import Library, Neighbour, Records
 from ..ocp import BASE, Optimum, ReducedVariables, Refinement, Request
 from ..samples import Releases, sparse_parents, starts
-from ..search import Budget, Corrector, Exact, NlpCache, Starts, Task, attempt, optimum_of, quieted
+from ..search import (
+    Budget,
+    Corrector,
+    Exact,
+    NlpCache,
+    Starts,
+    Task,
+    attempt,
+    guess_of,
+    optimum_of,
+    quieted,
+)
 from ..throw import make_manipulator
+from ..uncertainty import spread
 from ..workers import Progress, run_jobs
 from .cells import Cell, Cells, Landings, landings_of
 
@@ -60,15 +72,19 @@ class FloodSettings:
 
 
 SETTINGS = FloodSettings()
+#: Price of the load where limits leave no quiet throw: next to none.
+LOUD = 1e-3
 #: Seed of the choice among random landings.
 SEED = 5
 
 
 @dataclass(frozen=True)
 class KnownThrow:
-    """A solved throw, and how often it was moved along its slope since the NLP was solved."""
+    """A solved throw, its 95 % pose error [m] under what is uncertain, and how often it was moved
+    along its slope since the NLP was solved."""
 
     optimum: Optimum
+    error95: float
     moves: int = 0
 
 
@@ -121,16 +137,23 @@ class CellSolver:
             return None
         detach, effort = one.throw.deciding.release.end, one.throw.effort
         optimum = replace(near.optimum, u=u, detach=detach, effort=effort)
-        return KnownThrow(optimum, source.moves + 1)
+        return KnownThrow(optimum, spread(one.throw.deciding, one.goal), source.moves + 1)
 
     def _solved(self, start: Exact, task: Task) -> KnownThrow | None:
         """The NLP's solution with its sensitivity; None where it has none."""
         one = quieted(self.problems, attempt(self.problems, start, task), task)
+        if one.hits and one.throw is not None and task.quiet and not one.refinement.quiet:
+            # All throws of a library have the same variables.
+            alike = replace(one.refinement, quiet=LOUD)
+            start = Exact(one.goal, guess_of(one.throw), alike, one.throw.aim)
+            one = attempt(self.problems, start, task)
         if not one.hits or one.throw is None:
             return None
         program = self.problems.problem(task.target, one.refinement, task.solver, task.budget)
         optimum = optimum_of(self.corrector.controls, program, one.throw)
-        return None if optimum is None else KnownThrow(optimum)
+        if optimum is None:
+            return None
+        return KnownThrow(optimum, spread(one.throw.deciding, one.goal))
 
 
 def solve_in_worker(scene: bytes, tasks: Sequence[CellTask]) -> list[CellResult]:
@@ -218,7 +241,8 @@ class Flood:
         records = self._library.records
         for number in range(len(self._library)):
             x, theta = records["landing"][number].astype(float).tolist()
-            self._take(self._cells(x, theta), KnownThrow(self._library.optimum(number)))
+            known = KnownThrow(self._library.optimum(number), float(records["error95"][number]))
+            self._take(self._cells(x, theta), known)
         some = sparse_parents(*landings, SETTINGS.seeds, np.random.default_rng(SEED))
         self._seeds = {self._cells(landings[0][i], landings[1][i]) for i in some}
         self._seeds.add(self._cells(self._target.plane_x, self._target.theta))
@@ -232,7 +256,8 @@ class Flood:
                     self._take(cell, throw)
                     goal = self._cells.middle(cell, self._target)
                     landing = goal.plane_x, goal.theta or 0.0
-                    self._new.append(self._library.record(throw.optimum, landing))
+                    row = self._library.record(throw.optimum, landing, throw.error95)
+                    self._new.append(row)
                 elif throw is None:
                     self._wait_for(cell)
             if time.perf_counter() > self._saved + SETTINGS.save_every:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ...models import Array, Flags
-from ...problems import Scene, checked
+from ...problems import InputError, Scene, checked
 from ...problems.scene_files import as_scene
 from ..clearance import held_bar, lowest_of_bar, palm_corners
 from ..library import Library
@@ -50,19 +50,28 @@ def reach_map(
     z: float | None = None,
     samples: int = SAMPLES,
     *,
+    robust: bool = False,
     progress: Progress | None = None,
 ) -> ReachMap:
     """The landing poses in reach of a scene at height `z` [m], by default the target's.
 
-    Equal arguments give equal maps. progress(done, samples) is called on the way. Raises
-    InputError for a scene that cannot be planned and for numbers out of range; if no throw lands at
-    the height, the map is empty and has a message.
+    Equal arguments and an equal library give equal maps. robust: with the 95 % pose errors of the
+    library's throws. progress(done, samples) is called on the way. Raises InputError for a scene
+    that cannot be planned, for numbers out of range, and with `robust` for a scene without a
+    library; if no throw lands at the height, the map is empty and has a message.
     """
     scene = as_scene(scene)
     check_map(z, samples)
     manipulator = make_manipulator(scene)
     check_start(scene, manipulator)
+    library = Library(scene, manipulator)
+    if checked("robust", robust, bool, {}) and not len(library):
+        words = f"throwplan prepare {scene.place}"
+        raise InputError(f"robust: {scene.place} has no library of solved throws: first {words}")
     height = scene.aim.z if z is None else float(z)
+    if robust and height != scene.aim.z:
+        words = f"z = {height:g}: must be the target's, {scene.aim.z:g}, for a robust map"
+        raise InputError(words)
     target = dataclasses.replace(scene.aim, z=height)
     aimed = scene.aimed_at(target)  # moves the cup along with the target
     parts: list[tuple[Array, Array, Array, Counts]] = []
@@ -84,20 +93,30 @@ def reach_map(
             progress(done, samples)
     x, theta, margin, cells = (np.concatenate(rows) for rows in zip(*parts, strict=True))
     empty = ReachMap(scene, height, samples, x=x, theta=theta)
-    library = Library(scene, manipulator)
-    if len(library):
-        landings = library.landings(height)[:2]
-        solved = landings[:, np.isfinite(landings).all(axis=0)]
-        empty = dataclasses.replace(empty, solved=solved)
+    landings = library.landings(height)[:2]
+    down_there = np.isfinite(landings).all(axis=0)
+    empty = dataclasses.replace(empty, solved=landings[:, down_there])
     if not x.size:
         return dataclasses.replace(empty, message=_why_nothing(height, down, rise))
-    return _binned(empty, margin, cells)
+    found = _binned(empty, margin, cells)
+    return _with_errors(found, library.records["error95"][down_there]) if robust else found
 
 
 def check_map(z: float | None, samples: int, prefix: str = "") -> None:
     """InputError for numbers out of range; `prefix` as on the command line."""
     checked(f"{prefix}z", z, float | None, {"least": -FARTHEST, "most": FARTHEST})
     checked(f"{prefix}samples", samples, int, {"least": 1, "most": MOST})
+
+
+def _with_errors(found: ReachMap, error95: Array) -> ReachMap:
+    """The map with the least of the errors (S,) [m] of the library's throws into each bin."""
+    x, theta = found.solved
+    i = places(found.x_edges, x)
+    j = np.zeros_like(i) if found.theta_edges is None else places(found.theta_edges, theta)
+    inside = (i >= 0) & (j >= 0) & (i < found.landings.shape[0]) & (j < found.landings.shape[1])
+    least = np.full(found.landings.shape, np.inf)
+    np.minimum.at(least, (i[inside], j[inside]), error95[inside])
+    return dataclasses.replace(found, error95=np.where(np.isinf(least), np.nan, least))
 
 
 def _binned(found: ReachMap, margin: Array, cells: Counts) -> ReachMap:

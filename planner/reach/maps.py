@@ -46,8 +46,9 @@ class ReachMap(ReadOnly):
     cells of a grid over coordinates and rates, 0.15 of each range wide, so neighbours
     across a cell's border count as two); margin, the best 1 - (largest use of velocity,
     acceleration, position range and grip), NaN without a landing. x, theta (N,): the
-    landings. solved (2, S): x and theta of the throws of the scene's library. message: why no pose
-    was found, empty if one was.
+    landings. solved (2, S): x and theta of the throws of the scene's library. error95 (X, T) [m]:
+    the least 95 % pose error of these throws in a bin under what is uncertain, NaN without one;
+    None where it was not asked for. message: why no pose was found, empty if one was.
     """
 
     scene: Scene
@@ -61,6 +62,7 @@ class ReachMap(ReadOnly):
     x: Array = field(default_factory=lambda: np.empty(0))
     theta: Array = field(default_factory=lambda: np.empty(0))
     solved: Array = field(default_factory=lambda: np.zeros((2, 0)))
+    error95: Array | None = None
     message: str = ""
 
     def __repr__(self) -> str:
@@ -125,6 +127,9 @@ class ReachMap(ReadOnly):
         }
         if self.solved.size:
             answer["solved"] = self.solved.shape[1]
+        if self.least is not None:
+            error, x, theta = self.least
+            answer["least"] = {"error95": error, "x": x, "theta": None if free else theta}
         return answer | ({"message": self.message} if nothing else {})
 
     def summary(self) -> str:
@@ -141,8 +146,29 @@ class ReachMap(ReadOnly):
             f"throws land in {self.found:,} bins of {size}\n"
             f"  {ranges}, sampled: a plan may reach farther; the best throw keeps {best:.0f} % of "
             "every limit free\n"
-            f"  {self._target_words()}{self._library_words()}"
+            f"  {self._target_words()}{self._library_words()}{self._least_words()}"
         )
+
+    @property
+    def least(self) -> tuple[float, float, float] | None:
+        """The least of `error95` [m], and the middle x [m], theta [rad] of its bin (theta 0 where
+        it is open); None without any."""
+        if self.error95 is None or np.isnan(self.error95).all():
+            return None
+        i, j = np.unravel_index(np.nanargmin(self.error95), self.error95.shape)
+        theta = self.theta_edges
+        angle = 0.0 if theta is None else float(theta[j : j + 2].mean())
+        return float(self.error95[i, j]), float(self.x_edges[i : i + 2].mean()), angle
+
+    def _least_words(self) -> str:
+        """Where throws scatter least; empty where that is not known."""
+        if self.least is None:
+            return ""
+        error, x, theta = self.least
+        place = f"x {x:.2f} m"
+        if self.theta_edges is not None:
+            place += f", theta {math.degrees(theta):.0f} deg"
+        return f"\n  least 95 % pose error: {1e3 * error:.2g} mm, near {place}"
 
     def _library_words(self) -> str:
         """Number of solved throws in the library; empty without one."""
@@ -174,7 +200,8 @@ class ReachMap(ReadOnly):
         """Write map.png and map.npz, all or nothing; returns the path of map.npz.
 
         map.npz has x_edges, theta_edges (empty where theta is open), landings, solutions,
-        margin, x and theta as in this class, and z [m] and samples as scalars.
+        margin, x, theta and, if asked for, error95 as in this class, and z [m] and samples as
+        scalars.
         """
         if not self.found:
             raise InputError(f"{self.scene.place}: nothing to save, {self.message}")
@@ -182,6 +209,8 @@ class ReachMap(ReadOnly):
             draw_map(self, scratch / "map.png")
             names = ("x_edges", "landings", "solutions", "margin", "x", "theta", "z", "samples")
             arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
+            if self.error95 is not None:
+                arrays["error95"] = self.error95
             edges = np.empty(0) if self.theta_edges is None else self.theta_edges
             np.savez_compressed(scratch / "map.npz", theta_edges=edges, **arrays)
         return Path(folder) / "map.npz"
@@ -234,15 +263,19 @@ def _draw_plane(found: ReachMap, theta: Array, path: Path) -> None:
 
     figure = new_figure(9.5, 6.6, _title(found))
     axes = figure.subplots()
-    margin = 100 * found.margin.T
-    top = max(float(np.nanmax(margin)), 5.0)
-    colours: dict[str, Any] = {"cmap": "viridis", "vmin": 0.0, "vmax": top, "zorder": 1}
-    mesh = axes.pcolormesh(found.x_edges, theta, margin, rasterized=True, **colours)
-    figure.colorbar(
-        mesh, ax=axes, pad=0.015, aspect=32, label="share of every limit that is free, at best [%]"
-    )
+    values, label, colours = _colours(found)
+    mesh: Any
+    if found.error95 is None:
+        mesh = axes.pcolormesh(found.x_edges, theta, values.T, rasterized=True, zorder=1, **colours)
+        _mark_library(axes, found)
+    else:
+        # The throws may be farther apart than the bins.
+        i, j = np.nonzero(np.isfinite(values))
+        x, middle = ((edges[1:] + edges[:-1]) / 2 for edges in (found.x_edges, theta))
+        dots: dict[str, Any] = {"s": 22, "lw": 0, "rasterized": True, "zorder": 3, **colours}
+        mesh = axes.scatter(x[i], middle[j], c=values[i, j], **dots)
+    figure.colorbar(mesh, ax=axes, pad=0.015, aspect=32, label=label)
     _contours(axes, found, theta)
-    _mark_library(axes, found)
     _mark_target(axes, found, theta)
     span = float(theta[-1] - theta[0])
     step = next((s for s in (15, 30, 45, 90, 180, 360) if span <= 10 * s), 720)
@@ -253,6 +286,19 @@ def _draw_plane(found: ReachMap, theta: Array, path: Path) -> None:
     axes.margins(0.02)
     figure.legend(loc="outside lower center", ncols=3, fontsize=9, frameon=False)
     save(figure, path)
+
+
+def _colours(found: ReachMap) -> tuple[Array, str, dict[str, Any]]:
+    """What the colours of a map say (X, T): the best free share, or the 95 % error; its label, and
+    the scale of the colours."""
+    if found.error95 is None:
+        values, label = 100 * found.margin, "share of every limit that is free, at best [%]"
+        return values, label, {"cmap": "viridis", "vmin": 0.0, "vmax": max(np.nanmax(values), 5.0)}
+    values, label = 1e3 * found.error95, "95 % pose error of prepared throws, at best [mm]"
+    known = values[values > 0.0]
+    low, high = np.quantile(known, [0.02, 0.98]) if known.size else (1.0, 1.0)
+    ends = {"vmin": low, "vmax": max(high, 2.0 * low)}
+    return values, label, {"cmap": "viridis_r", "norm": "log", **ends}
 
 
 def _contours(axes: Axes, found: ReachMap, theta: Array) -> None:
@@ -313,13 +359,9 @@ def _draw_line(found: ReachMap, path: Path) -> None:
     target = found.scene.aim
     words = "target" if target.z == found.z else f"target's x (it is at z = {target.z:g} m)"
     above, below = figure.subplots(2, 1, sharex=True)
+    best, words_of_best, _ = _colours(found)
     for axes, label, values, colour in (
-        (
-            above,
-            "share of every limit that is free, at best [%]",
-            100 * np.nan_to_num(found.margin[:, 0]),
-            TEAL,
-        ),
+        (above, words_of_best, np.nan_to_num(best[:, 0]), TEAL),
         (below, "different throws in a bin", found.solutions[:, 0].astype(float), BLUE),
     ):
         axes.stairs(values, found.x_edges, fill=True, color=colour, alpha=0.75, lw=0)

@@ -142,6 +142,16 @@ class Plan:
         return {} if self.throw is None else exceeded(self.throw.deciding)
 
     @property
+    def assumed(self) -> tuple[str, ...]:
+        """Names of the values that neither the scene, a maker nor a measurement gives, such as
+        "gripper.dwell"; "uncertainty.delay" where samples of it decide."""
+        scene = self.scene
+        sampled = self.robust or scene.rest is not None or scene.uncertainty is not None
+        sampled = sampled or scene.weights.quiet > 0.0
+        spreads = scene.assumed_spreads if sampled else ()
+        return (*scene.assumed, *(f"uncertainty.{name}" for name in spreads))
+
+    @property
     def solved(self) -> bool:
         """Whether the verdict on the throw that is sent has no broken limit."""
         return self.status == "solved"
@@ -159,7 +169,7 @@ class Plan:
             "bound": self.bound and self.bound.to_dict(),
             "starts": self.starts,
             "exceeds": exceeded_entries(self.exceeds),
-            "assumed": list(self.scene.assumed),
+            "assumed": list(self.assumed),
             "solver": {"name": self.solver, "iterations": self.iterations},
             "nlp": {"variables": self.variables, "constraints": self.constraints},
             **self._optional_entries(),
@@ -312,7 +322,7 @@ class Plan:
             lines.append(f"  {self._torque_words(**result['torque'])}")
         if self.exceeds:
             lines.append(f"  {exceeded_words(self.exceeds)}")
-        if words := assumed_words(scene):
+        if words := assumed_words(scene, self.assumed):
             lines.append(f"  {words}")
         lines.append(
             f"  {solver['name']}, {solver['iterations']} iterations from {self.starts} "
@@ -363,11 +373,13 @@ class Plan:
     def _load_words(self) -> Iterator[str]:
         """How quiet the throw is, and what follows from it."""
         if (load := self.peak_load) is not None:
-            words = f"while the pads open they carry up to {100 * load:.2g} % of their grip"
-            if load < QUIET:
-                yield f"quiet: {words}: delay, opening time and friction hardly matter"
-            else:
-                yield f"not quiet: {words}: delay, opening time and friction matter"
+            assert self.throw is not None
+            deciding = self.throw.deciding
+            later = load_curve(deciding)[0][-1] - deciding.detach_time
+            words = f"while the pads open, and {1e3 * later:.0f} ms longer, they carry up to "
+            share = f"{100 * load:.0f}" if load >= QUIET else f"{100 * load:.2g}"
+            words += f"{share} % of their grip: such a delay, and friction,"
+            yield f"quiet: {words} hardly matter" if load < QUIET else f"not quiet: {words} matter"
 
     def error_sent(self) -> tuple[float, float]:
         """(position [m], angle [rad]) error of the deciding landing; NaN without a throw."""

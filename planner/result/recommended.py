@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -73,9 +73,9 @@ def exceeded_entries(found: Mapping[str, tuple[float, float]]) -> dict[str, dict
     return {name: {"value": v, "recommended": most} for name, (v, most) in found.items()}
 
 
-def assumed_words(scene: Scene) -> str:
-    """What a plan assumes, in one line; empty if nothing."""
-    names = [name.replace(".", " ").replace("_", " ") for name in scene.assumed]
+def assumed_words(scene: Scene, assumed: Sequence[str]) -> str:
+    """What a plan of a scene assumes, in one line; empty if nothing."""
+    names = [name.replace(".", " ").replace("_", " ") for name in assumed]
     parts = [f"assumed: {', '.join(names)}"] if names else []
     if scene.robot is not None and scene.arm is not None and not scene.arm.links:
         parts.append(f"torques are not checked: arm {scene.arm.name} has no [[links]]")

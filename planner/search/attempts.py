@@ -189,7 +189,7 @@ def quieted(problems: NlpCache, one: Outcome, task: Task) -> Outcome:
     The task's price of the load is tried first, then smaller ones.
     """
     throw, price = one.throw, task.quiet
-    if throw is None or not price or one.refinement.quiet:
+    if throw is None or not price or one.refinement.quiet or task.budget.late:
         return one
     for share in QUIET:
         after = replace(one.refinement, quiet=share * price)

@@ -14,7 +14,7 @@ import numpy as np
 from ...interrupts import interrupts_deferred
 from ...problems import Pose
 from ..library import Library, Neighbour
-from ..ocp import Optimum
+from ..ocp import Optimum, Refinement
 from ..result import Bound, PlannedThrow
 from ..samples import Releases
 from ..throw import Manipulator
@@ -54,6 +54,8 @@ DIFFERENT_SHARE = 0.1
 DIFFERENT_FLIGHT = 0.05
 #: Sampled releases of each sort that the NLP for the target starts from, for each throw wanted.
 EXACT = 2
+#: Share of the time in which throws are looked for; the rest is for making them quiet.
+SEARCHED = 0.6
 #: Throws into a region of which the cheapest is taken.
 IN_REGION = 3
 #: A warm plan's solution needs few iterations for a target within this pose error [m] of its own.
@@ -121,19 +123,19 @@ class Search:
 
     def run(self) -> None:
         """Tries starts until there are enough throws, or starts are in vain, or time is over."""
-        task, vain = self.task, 0
+        task, vain, as_warm = self.task, 0, None
+        # A throw that was found leaves time to make it quiet.
+        search = task.budget.part(SEARCHED) if task.quiet else task.budget
         for start in self.starts():
-            if task.budget.late:
+            if (search if self.found else task.budget).late:
                 break
             with interrupts_deferred():
                 one = self.attempt(start)
-                quiet = quieted(self.context.problems, one, task) if one.hits else one
             task.budget.counts["starts"] += 1
             known, nearest = len(self.found), self.nearest
             if one.hits:
-                for throw in (quiet, one):
-                    if len(self.found) == known or task.loud:
-                        self.found = distinct([*self.found, throw])
+                self.found = distinct([*self.found, one])
+                as_warm = one if self._is_warm(start) else as_warm
             elif isinstance(start, Elastic) and one.ok:
                 self.short = sorted([*self.short, one], key=attrgetter("missed"))
             else:
@@ -144,6 +146,30 @@ class Search:
             # Asked before the next start is made, which takes a third of an easy plan's time.
             if self.is_over(vain):
                 break
+        if task.quiet:
+            self._quieten(as_warm)
+
+    def _quieten(self, kept: Outcome | None) -> None:
+        """Makes the throws that were asked for quiet, each unless it is then like one before.
+
+        kept: that of a warm plan's solution, which stays as loud as that plan's.
+        """
+        loud, self.found = self.found[: self.task.wanted], []
+        for one in loud:
+            with interrupts_deferred():
+                quiet = one if one is kept else quieted(self.context.problems, one, self.task)
+            known = len(self.found)
+            for throw in (quiet, one):
+                if len(self.found) == known or self.task.loud:
+                    self.found = distinct([*self.found, throw])
+
+    def _is_warm(self, start: Start) -> bool:
+        """Whether a start is the warm plan's solution, for a target not far from that plan's."""
+        warm, half = self.warm, self.task.scene.object.half_length
+        if warm is None or warm.solution is None or not isinstance(start, Exact):
+            return False
+        away = self.task.target.distance(warm.deciding.target, half)
+        return start.warm is warm.solution and away < SETTINGS.beside
 
     @property
     def nearest(self) -> float:
@@ -227,7 +253,7 @@ class Search:
         target, scene = self._goal_of(warm), self.task.scene
         solution, own = warm.solution, warm.deciding.target
         if solution is None or own.kind != target.kind:
-            return Exact(target, guess_of(warm))
+            return Exact(target, guess_of(warm), Refinement(quiet=warm.refinement.quiet))
         near = target.distance(own, scene.object.half_length) < NEAR
         return Exact(target, lambda _: solution.x, warm.refinement, warm.aim, solution, near)
 

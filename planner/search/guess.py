@@ -12,7 +12,7 @@ import numpy as np
 from ...models import Array, FlightState, Trajectory
 from ...models.release import ReleaseCase, relative_states
 from ...problems import Scene
-from ..ocp import Block, Request, ThrowNlp, lower_end
+from ..ocp import Block, Refinement, Request, ThrowNlp, lower_end
 from ..result import PlannedThrow
 from ..throw import NO_SAMPLES, TICK, Manipulator, Throw
 
@@ -121,7 +121,8 @@ def remaining_throw(throw: PlannedThrow, manipulator: Manipulator) -> PlannedThr
     off += np.abs(samples.dq - manipulator.initial_motion[0]) / weight
     before = math.floor(throw.opening_time / TICK)
     time = TICK * int(off[:before].sum(axis=1).argmin())
-    return remaining_trajectory(throw.deciding, time, manipulator, throw.planned)
+    rest = remaining_trajectory(throw.deciding, time, manipulator, throw.planned)
+    return replace(rest, refinement=Refinement(quiet=throw.refinement.quiet))
 
 
 def remaining_trajectory(

@@ -106,7 +106,7 @@ class Sweep(ReadOnly):
             "model": self.batch.model,
             "robust": self.plan.robust,
             "uncertain": self.sampler.names,
-            "assumed": scene.uncertainty is None,
+            "assumed": [f"uncertainty.{name}" for name in scene.assumed_spreads],
             "success": _rate(self.success),
             "in_tolerance": _rate(self.landings.in_tolerance),
             "in_cup": None if scene.cup is None else _rate(self.landings.in_cup),

@@ -67,9 +67,8 @@ class Candidate:
         """Success and 95 % pose error as text."""
         succeeds, error = self.swept
         size = f"{1e3 * error:.2g} mm" if math.isfinite(error) else "no landing"
-        uncertain = "[uncertainty]" if self.plan.scene.uncertainty else "what is assumed"
         share = f"{100 * succeeds.mean():.1f} %"
-        return f"of {SAMPLES:,} throws under {uncertain} {share} succeed, 95 % error {size}"
+        return f"of {SAMPLES:,} uncertain throws {share} succeed, 95 % error {size}"
 
 
 def best_of(candidates: Iterable[Candidate]) -> Candidate:
@@ -181,8 +180,6 @@ def with_reserves(scene: Scene) -> Scene:
     They cover the friction and the displacement of the held bar in a share `RESERVED` of the
     samples.
     """
-    if scene.uncertainty is None:
-        return scene
     sampler = sampler_of(scene, SEED)
     own = scene.values | {"delay": scene.mean_delay}
     draws = dict(zip(sampler.names, sampler.draw(0, SAMPLES).T, strict=True))

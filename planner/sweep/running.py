@@ -44,7 +44,7 @@ def sweep(
     """Throw a solved plan's sent motion under its scene's [uncertainty].
 
     plan: also what `read_plan` read, or the path of a plan.json or of its folder.
-    Without that section a delay of +-10 ms is assumed. model: of the release;
+    A delay and an opening that it leaves out are assumed. model: of the release;
     empty for the model of the scene's tolerance. The samples are a seeded Halton sequence; an
     executor, Dask's `client.get_executor()` for instance, spreads chunks of them without any change
     of the result. progress(thrown, samples) is called on the way. Raises InputError for a plan
@@ -54,6 +54,9 @@ def sweep(
     model = model or plan.scene.tolerance.model
     check_sweep(samples, seed, model)
     sampler = sampler_of(plan.scene, seed)
+    if not sampler.names:
+        words = "[uncertainty] says so of delay and opening"
+        raise InputError(f"{plan.scene.place}: nothing is uncertain to sweep over: {words}")
     judge = judge_of(plan, model, sampler)
     numbers, values, landings = run_sweep(judge, sampler, samples, executor, progress)
     shares = [variance_shares(values, landings.pose[:, column]) for column in (0, 1)]

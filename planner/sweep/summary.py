@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from ...models.release import MODELS
@@ -30,10 +31,9 @@ UNITS = (
 
 def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
     """Success, bias, quantiles and sensitivities of a sweep of `plan`, from its `to_dict`."""
-    tolerance, uncertainty = plan.scene.tolerance, plan.scene.uncertainty
-    usual = " (no [uncertainty] in the scene: assumed)" if result["assumed"] else ""
+    tolerance, scene = plan.scene.tolerance, plan.scene
     lines = [f"{label}: {result['samples']:,} throws by the {MODELS[result['model']].title}"]
-    lines += [f"  {line}{usual}" for line in _words_of(uncertainty or Uncertainty.USUAL)]
+    lines += [f"  {line}" for line in _words_of(scene.uncertain, scene.assumed_spreads)]
     box = "in the region, " if plan.target.is_region else ""
     box += f"within {1e3 * tolerance.position:g} mm"
     if plan.target.theta is not None:
@@ -95,21 +95,24 @@ def _cell(value: float | None, scale: float, width: int, form: str) -> str:
     return f"{'-' if value is None else format(scale * value, form):>{width}}"
 
 
-def _words_of(section: Uncertainty) -> list[str]:
+def _words_of(section: Uncertainty, assumed: Sequence[str]) -> list[str]:
     """The uncertain parameters as text: one line each, in the units of the file."""
     lines = []
     for name in section.names:
         spread: Distribution = getattr(section, name)
         unit = math.degrees(1.0) if Uncertainty.PARAMETERS[name].degrees else 1.0
         times = " x the scene's" if spread.relative else ""
-        if spread.uniform is not None:
+        about = "" if spread.mean is None else f" about {unit * spread.mean:g}"
+        if spread.uniform == 0.0:
+            words, about = f"exactly {unit * spread.expected:g}{times}", ""
+        elif spread.uniform is not None:
             words = f"uniform +-{unit * spread.uniform:g}{times}"
         elif spread.normal is not None:
             words = f"normal, deviation {unit * spread.normal:g}{times}"
         else:
             words = f"{len(spread.samples)} given values{times}"
-        about = "" if spread.mean is None else f" about {unit * spread.mean:g}"
-        lines.append(f"{Uncertainty.PARAMETERS[name].key}: {words}{about}")
+        given = " (assumed: [uncertainty] does not have it)" if name in assumed else ""
+        lines.append(f"{Uncertainty.PARAMETERS[name].key}: {words}{about}{given}")
     return lines
 
 

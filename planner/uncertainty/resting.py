@@ -118,11 +118,8 @@ class Entries:
 
     @classmethod
     def sampled(cls, throw: Throw, count: int = COUNTED, seed: int = REPORTED) -> Entries:
-        """`count` samples of a throw's [uncertainty]; without it only the contacts vary."""
-        judge, values = sample_throws(throw, throw.target, count, seed)
-        if throw.scene.uncertainty is None:
-            values = judge.batch.nominal(count)
-        return cls.of(judge, values, seed)
+        """`count` samples of what is uncertain in a throw and in its contacts."""
+        return cls.of(*sample_throws(throw, throw.target, count, seed), seed)
 
     def count(self, scene: Scene) -> RestCount:
         """Where they end, by MuJoCo."""

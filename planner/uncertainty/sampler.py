@@ -1,4 +1,4 @@
-"""Samples of the uncertain parameters: a scene's [uncertainty], or the default one."""
+"""Samples of the uncertain parameters: a scene's [uncertainty], and what is assumed beside it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models import Array, ReadOnly
-from ...problems import Distribution, Scene, Uncertainty
+from ...problems import Distribution, Scene
 
 #: Bases of the columns of `even_shares`.
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47)
@@ -61,7 +61,7 @@ class Sampler(ReadOnly):
             _quantile(spread, share, bounds)
             for spread, share, bounds in zip(self.spreads, shares.T, self.ranges, strict=True)
         ]
-        return np.column_stack(columns)
+        return np.column_stack([np.zeros((count, 0)), *columns])
 
     def quantiles(self, name: str, shares: Array) -> Array:
         """Values of a parameter below which `shares` (N,) of it lie."""
@@ -84,8 +84,8 @@ class Sampler(ReadOnly):
 
 
 def sampler_of(scene: Scene, seed: int) -> Sampler:
-    """Draws of the scene's [uncertainty], or of the default one."""
-    section = scene.uncertainty or Uncertainty.USUAL
+    """Draws of what is uncertain in a scene."""
+    section = scene.uncertain
     spreads, ranges = section.about(scene.values), scene.ranges
     return Sampler(
         section.names,

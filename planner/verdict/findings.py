@@ -86,7 +86,7 @@ class Code(Enum):
     MODELS_DIFFER = (
         "models_differ",
         "land elsewhere by another release model",
-        "a quiet throw ([cost] quiet = 10)",
+        "a throw with less load on the pads (--robust)",
     )
     REST = (
         "rest",

@@ -140,6 +140,7 @@ def test_a_stiff_throw_of_a_sweep_is_that_throw_by_itself() -> None:
         gripper=tp.Gripper(times=times, forces=forces),
         tolerance=tp.Tolerance(position=5e-4, angle=math.radians(0.2)),
         target=tp.Pose(1.452, -2.0, math.radians(92.9)),
+        cost=tp.Cost(quiet=0.0),
     )
     plan = tp.Planner(scene, library=False).plan()
     assert plan.solved

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import varied
+from builders import loud, varied
 from throwplan.planner.throw import Samples, excesses, make_manipulator
 
 
@@ -43,7 +43,7 @@ def joints_only(scene: tp.Scene) -> tp.Scene:
 
 @pytest.fixture(scope="module")
 def fr3():
-    return joints_only(tp.load_scene("fr3"))
+    return joints_only(loud("fr3"))
 
 
 @pytest.fixture(scope="module")

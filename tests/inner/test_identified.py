@@ -197,6 +197,9 @@ def test_the_contact_file_is_part_of_a_scene(name: str, tmp_path) -> None:
     product = np.log(values["friction"] * values["patch_radius"])
     assert product.std() == pytest.approx(belief.product_deviation, rel=0.35)
     assert np.log(values["friction"]).std() == pytest.approx(belief.deviation("friction"), rel=0.2)
+    none = Distribution(uniform=0.0)
+    certain = applied(belief, scene.replace(uncertainty=Uncertainty(delay=none, opening=none)))
+    assert "opening" not in certain.assumed_spreads
     again = prior_of(applied(belief, scene), belief.names)
     assert again.product == pytest.approx(belief.product, rel=0.01)
 
@@ -257,6 +260,7 @@ def swings() -> tuple[tp.Plan, ...]:
     """Swings fast enough that a low-pass takes accelerations from them."""
     fast = tp.Torque(rate=1e5)
     scene = tp.load_scene("cup").replace(
+        cost=tp.Cost(quiet=0.0),
         robot=tp.Robot(arm="panda"),
         object=tp.Object(mass=0.11, length=0.22, width=0.02, com=0.11),
         grasp=tp.Grasp(offset=0.025),

@@ -273,3 +273,25 @@ def test_the_map_shows_it(prepared, tmp_path) -> None:
     np.testing.assert_allclose(found.solved, [x, theta])
     assert found.to_dict()["solved"] == prepared.prepared and "library:" in found.summary()
     assert found.save(tmp_path).parent.joinpath("map.png").stat().st_size > 10_000
+
+
+def test_the_robust_map_has_the_errors_of_sweeps(prepared, tmp_path) -> None:
+    found = tp.reach_map(prepared.scene, samples=3000, robust=True)
+    x, theta, _ = prepared.library.landings(prepared.scene.target.z)
+    error, best_x, best_theta = found.least
+    assert error == np.nanmin(found.error95)
+    bins = {found.bin_of(*pose) for pose in zip(x, theta, strict=True)}
+    assert found.bin_of(best_x, best_theta) in bins
+    # Of plans to places of the library, those of small errors scatter least.
+    chosen = np.argsort(prepared.library.records["error95"])[[0, -1]]
+    small, large = (
+        tp.sweep(prepared.plan(prepared.scene.target.in_plane(float(x[i]), float(theta[i]))), 256)
+        for i in chosen
+    )
+    errors = [one.to_dict()["quantiles"]["scaled"]["95"] for one in (small, large)]
+    assert errors[0] < errors[1]
+    assert found.to_dict()["least"] == {"error95": error, "x": best_x, "theta": best_theta}
+    with pytest.raises(tp.InputError, match="must be the target's"):
+        tp.reach_map(prepared.scene, prepared.scene.target.z + 0.1, robust=True)
+    with np.load(found.save(tmp_path)) as arrays:
+        np.testing.assert_array_equal(arrays["error95"], found.error95)

@@ -71,8 +71,9 @@ def share_of(picture: np.ndarray, colour: str) -> float:
 
 
 @pytest.mark.slow
-def test_the_gif_shows_every_phase_in_its_colour_on_white(saved, tmp_path) -> None:
-    throw = tp.read_plan(saved("hand-flip"))
+def test_the_gif_shows_every_phase_in_its_colour_on_white(loud_plan_of, tmp_path) -> None:
+    loud_plan_of("hand-flip").save(tmp_path / "plan", draw=False)
+    throw = tp.read_plan(tmp_path / "plan")
     draw_throw_moving(throw, tmp_path / "throw.gif")
     with Image.open(tmp_path / "throw.gif") as moving:
         length, frames = 0.0, []

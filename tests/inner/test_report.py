@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import loud
 from PIL import Image
 from throwplan.models.release import SlidingPivotRelease, SteppedRelease
 from throwplan.planner.show import Table, new_figure
@@ -210,8 +211,7 @@ def test_converged_answers_agree_with_other_methods(law, run, close) -> None:
 def test_each_part_adds_its_own_and_is_solved() -> None:
     """A pivot has an angle and a rate at each node of the opening; θ is one row more."""
     found = [
-        parts.measured(scene, 1)
-        for _, scene in list(parts.ladder(tp.load_scene("hand-box")))[: parts.HAND]
+        parts.measured(scene, 1) for _, scene in list(parts.ladder(loud("hand-box")))[: parts.HAND]
     ]
     assert all(one["status"] == "solved" for one in found)
     sizes = np.array([(one["variables"], one["constraints"]) for one in found])

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import varied
+from builders import only, varied
 from throwplan.planner.sweep import Sweep
 from throwplan.planner.throw import friction_use
 from throwplan.problems import Distribution, Uncertainty
@@ -25,7 +25,7 @@ def relative(deviation: float) -> Distribution:
 
 
 #: Delay, friction, patch radius and mass.
-FOUR = Uncertainty(
+FOUR = only(
     delay=Distribution(uniform=0.006),
     friction=relative(0.12),
     patch_radius=relative(0.1),

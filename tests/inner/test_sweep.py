@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import varied
+from builders import only, varied
 from throwplan.models import FlightLaw, Trajectory
 from throwplan.models.release import exact_pivot_release
 from throwplan.planner.throw import Throw, ThrowBatch, make_manipulator
@@ -22,7 +22,7 @@ ERRORS = ("hand_x", "hand_z", "hand_theta", "hand_vx", "hand_vz", "hand_omega")
 
 
 def small(*names: str, width: float = 1e-3) -> Uncertainty:
-    return Uncertainty(**{name: Distribution(normal=width) for name in names})
+    return only(**{name: Distribution(normal=width) for name in names})
 
 
 def batch_of(section: Uncertainty) -> ThrowBatch:
@@ -178,7 +178,7 @@ def test_no_delay_fails_in_a_wide_tolerance(posed) -> None:
 
 def test_a_weak_grip_is_no_success(posed) -> None:
     """Little friction: the bar slips in the full grip, wherever it would land."""
-    section = Uncertainty(friction=Distribution(uniform=0.5, mean=0.6))
+    section = only(friction=Distribution(uniform=0.5, mean=0.6))
     scene = posed.scene.replace(uncertainty=section)
     found = tp.sweep(dataclasses.replace(posed, scene=scene), samples=512)
     friction = found.values[:, 0]

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import nlp_of, varied
+from builders import loud, nlp_of, varied
 from throwplan.models import FlightLaw, FlightState
 from throwplan.planner.clearance import bar_outline
 from throwplan.planner.throw import Throw, cup_entries, make_manipulator
@@ -124,7 +124,8 @@ def test_the_arms_own_limits_are_kept_with_rows_where_a_throw_breaks_them() -> N
     assert 0.8 < plan.to_dict()["torque"]["use"] <= 1.0 - scene.torque_margin
 
 
-def test_limits_that_bind_change_the_throw(cup_plan) -> None:
+def test_limits_that_bind_change_the_throw(loud_plan_of) -> None:
+    cup_plan = loud_plan_of("near-cup")
     most = checked(cup_plan, torque=Torque(limits=WEAK)).torques.use.max(axis=0)
     section = Torque(limits=tuple(float(v) for v in 0.97 * most * np.array(WEAK)))
     tight = tp.plan(cup_plan.scene.replace(torque=section))
@@ -136,7 +137,7 @@ def test_limits_that_bind_change_the_throw(cup_plan) -> None:
 @pytest.mark.slow
 def test_a_scenes_torque_rate_is_kept_and_judged() -> None:
     """Without it plans go far above; with it the plan keeps it and the same verdict says so."""
-    free = tp.plan(tp.load_scene("fr3").replace(torque=Torque(rate=1e6)))
+    free = tp.plan(loud("fr3").replace(torque=Torque(rate=1e6)))
     scene = free.scene.replace(torque=Torque(rate=2000.0))
     assert free.throw.deciding.torques.rate > 20000.0
     judged = verdict(free.throw.deciding.in_scene(scene))

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import only
 from scipy import stats
 from throwplan import load_scene
 from throwplan.planner.uncertainty import sampler_of
@@ -30,7 +31,7 @@ def sampled(section: Uncertainty, count: int, seed: int = 0):
 
 
 def test_samples_follow_their_laws() -> None:
-    section = Uncertainty(
+    section = only(
         delay=Distribution(uniform=0.01, mean=0.002),
         friction=Distribution(normal=0.1, relative=True),
         mass=Distribution(samples=(0.2, 0.2, 0.3)),
@@ -43,7 +44,7 @@ def test_samples_follow_their_laws() -> None:
 
 
 def test_a_wide_normal_is_cut_off_and_keeps_its_shape() -> None:
-    friction = sampled(Uncertainty(friction=Distribution(normal=1.0)), 4096)[:, 0]
+    friction = sampled(only(friction=Distribution(normal=1.0)), 4096)[:, 0]
     law = stats.truncnorm(0.01 - 1.0, 100.0 - 1.0, 1.0, 1.0)  # 1 % and 100 times the scene's
     assert friction.min() > 0.01
     assert stats.kstest(friction, law.cdf).statistic < 0.002
@@ -52,7 +53,7 @@ def test_a_wide_normal_is_cut_off_and_keeps_its_shape() -> None:
 @pytest.mark.parametrize("rho", [-0.7, 0.0, 0.8])
 def test_copula_couples_ranks_and_leaves_the_margins(rho: float) -> None:
     """Spearman's rank correlation of a Gaussian copula is 6/pi asin(rho/2)."""
-    section = Uncertainty(
+    section = only(
         friction=Distribution(uniform=0.2),
         patch_radius=Distribution(normal=0.0002),
         delay=Distribution(uniform=0.01),
@@ -64,6 +65,16 @@ def test_copula_couples_ranks_and_leaves_the_margins(rho: float) -> None:
     assert stats.spearmanr(friction, delay).statistic == pytest.approx(0.0, abs=0.01)
     assert stats.kstest(friction, stats.uniform(0.8, 0.4).cdf).statistic < 0.003
     assert stats.kstest(patch, stats.norm(0.0025, 0.0002).cdf).statistic < 0.003
+
+
+def test_a_measured_force_leaves_the_delay_to_be_assumed() -> None:
+    measured = tp.Gripper(times=(0.0, 0.05, 0.1), forces=(60.0, 60.0, 0.0))
+    for scene, names in (
+        (load_scene("hand-box"), ("delay", "opening")),
+        (load_scene("hand-box").replace(gripper=measured), ("delay",)),
+        (load_scene("hand-box").replace(uncertainty=only()), ()),
+    ):
+        assert scene.assumed_spreads == scene.uncertain.names == names
 
 
 def test_any_part_of_the_sequence_can_be_drawn_by_itself() -> None:
@@ -98,7 +109,7 @@ def test_the_delay_that_a_throw_bears_is_that_of_a_sweep(plan_of, name) -> None:
         # Samples about a mean of 0: the command stays in its place.
         delays = np.linspace(low, high, 500)
         spread = Distribution(samples=tuple(delays.tolist()))
-        scene = plan.scene.changed(uncertainty=Uncertainty(delay=spread))
+        scene = plan.scene.changed(uncertainty=only(delay=spread))
         return tp.sweep(dataclasses.replace(plan, scene=scene), samples=500)
 
     most = min(early, late)

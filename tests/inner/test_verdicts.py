@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import only
 from throwplan.planner.throw import ThrowBatch
 from throwplan.planner.uncertainty import sampler_of
 from throwplan.planner.verdict import Code, Finding, Judge, Verdict
@@ -147,9 +148,7 @@ def test_obstacles_are_met_by_the_same_throws() -> None:
 
 def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> None:
     """The largest use of the grip may come after the release: no throw is held then."""
-    scene = weak("near-cup", 60.0).replace(
-        uncertainty=Uncertainty(friction=spread(0.15, relative=True))
-    )
+    scene = weak("near-cup", 60.0).replace(uncertainty=only(friction=spread(0.15, relative=True)))
     plan = tp.plan(scene)
     found = tp.sweep(plan, samples=512)
     use = plan.throw.deciding.grip_use
@@ -179,8 +178,8 @@ def test_a_warning_breaks_nothing_and_a_cup_excuses_the_landing() -> None:
     assert Verdict((landing, slip)).words == f"{landing.words}; {slip.words}"
 
 
-def test_a_plan_s_json_has_its_findings(plan_of) -> None:
-    plan = plan_of("hand-flip")
+def test_a_plan_s_json_has_its_findings(loud_plan_of) -> None:
+    plan = loud_plan_of("hand-flip")
     narrow = plan.scene.changed(tolerance=tp.Tolerance(position=5e-4, angle=0.0035))
     throw = plan.throw.deciding.in_scene(narrow)
     plan = replace(plan, scene=narrow, throw=replace(plan.throw, deciding=throw))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import made_throws
+from builders import loud, made_throws
 
 #: A bias, x [m] and theta [rad].
 BIAS = (0.03, math.radians(6.0))
@@ -20,7 +20,7 @@ BIAS = (0.03, math.radians(6.0))
 def plans(tmp_path_factory) -> tuple[Path, list[tp.Plan]]:
     """Plans of `pose` at three places, saved as a, b and c in a folder; not to be changed."""
     folder = tmp_path_factory.mktemp("plans")
-    planner = tp.Planner("pose", library=False)
+    planner = tp.Planner(loud("pose"), library=False)
     made = [planner.plan(tp.Pose(x=x, z=0.1, theta=0.0)) for x in (1.18, 1.2, 1.22)]
     for name, plan in zip("abc", made, strict=True):
         assert plan.solved
@@ -92,6 +92,7 @@ def test_from_a_csv_to_a_plan_that_aims_beside_the_target(run, plans, tmp_path, 
     assert names == {"calibrate.json", "calibration.toml", "calibration.png"}
     run("scenes --write pose")
     text = Path("pose.toml").read_text() + Path("cal/calibration.toml").read_text()
+    text += "\n[cost]\nquiet = 0.0\n"
     Path("mine.toml").write_text(text)
     said = run("plan mine.toml --out plan")
     assert said.status == 0, said
@@ -108,7 +109,7 @@ def test_from_a_csv_to_a_plan_that_aims_beside_the_target(run, plans, tmp_path, 
 def test_in_python_the_section_serves_a_scene_and_its_file(plans, tmp_path):
     throws_file(plans, tmp_path / "throws.csv", 9)
     found = tp.calibrate(tmp_path / "throws.csv", "pose")
-    scene = found.apply(tp.load_scene("pose"))
+    scene = found.apply(loud("pose"))
     assert scene.calibration == found.section
     assert scene.calibration.bias == pytest.approx(found.residuals.landing.mean(axis=0))
     (tmp_path / "mine.toml").write_text(f"{tp.scene_text('pose')}\n{found.text()}")
@@ -120,7 +121,7 @@ def test_in_python_the_section_serves_a_scene_and_its_file(plans, tmp_path):
 
 def test_a_hidden_bias_is_halved(plans, tmp_path):
     """The truth opens 2 ms late, jittering by 0.2 ms, with 1 % more friction."""
-    scene = tp.load_scene("pose")
+    scene = loud("pose")
     rough = dataclasses.replace(scene.contact, friction=1.01)
     rng = np.random.default_rng(5)
 
@@ -174,7 +175,7 @@ def test_without_the_section_nothing_is_added(plans):
     found = plans[1][1].to_dict()
     assert "calibration" not in found
     assert "your throws" not in plans[1][1].summary()
-    other = tp.Planner(tp.load_scene("pose").replace(calibration=calibration()), library=False)
+    other = tp.Planner(loud("pose").replace(calibration=calibration()), library=False)
     again = other.plan().to_dict()
     assert again["nlp"] == found["nlp"]
     assert again["calibration"]["holds"] and again["calibration"]["bias"]["x"] == BIAS[0]
@@ -183,7 +184,7 @@ def test_without_the_section_nothing_is_added(plans):
 
 def test_a_replay_compares_landings_without_the_bias():
     pytest.importorskip("mujoco")
-    plan = tp.plan(tp.load_scene("pose").replace(calibration=calibration()))
+    plan = tp.plan(loud("pose").replace(calibration=calibration()))
     replay = tp.replay(plan, step=1e-4)
     (one,) = replay.objects
     dx, dtheta = one.off("limit_surface")
@@ -218,14 +219,14 @@ def test_a_cup_is_entered_by_the_throw_as_it_really_flies():
 
 
 def test_a_sweep_has_the_bias_too():
-    scene = tp.load_scene("pose").replace(calibration=calibration())
+    scene = loud("pose").replace(calibration=calibration())
     plan = tp.plan(scene)
     swept = tp.sweep(plan, samples=64).to_dict()
     assert swept["bias"]["position"] < 1e-3 and swept["bias"]["angle"] < math.radians(0.3)
 
 
 def test_warm_moving_and_followed_throws_have_the_bias_too():
-    scene = tp.load_scene("pose").replace(calibration=calibration())
+    scene = loud("pose").replace(calibration=calibration())
     planner = tp.Planner(scene, library=False)
     plan = planner.plan()
     again = planner.plan(tp.Pose(x=1.21, z=0.1, theta=0.02), warm=plan)
@@ -260,14 +261,14 @@ def test_warm_moving_and_followed_throws_have_the_bias_too():
     ],
 )
 def test_a_throw_unlike_the_measured_ones_is_warned_of(changes, key):
-    plan = tp.plan(tp.load_scene("pose").replace(calibration=calibration(**changes)))
+    plan = tp.plan(loud("pose").replace(calibration=calibration(**changes)))
     assert plan.solved and not plan.to_dict()["calibration"]["holds"]
     assert f"[calibration] does not hold here: {key}" in plan.summary()
 
 
 def test_throws_aimed_by_a_calibration_calibrate_again(tmp_path):
     """They land on their target; their residual is the bias itself, not what is left of it."""
-    scene = tp.load_scene("pose").replace(calibration=calibration())
+    scene = loud("pose").replace(calibration=calibration())
     plan = tp.plan(scene)
     plan.save(tmp_path / "aimed", draw=False)
     (tmp_path / "throws.csv").write_text("\n".join(["plan,x,theta", *["aimed,1.2,0.0"] * 9]))
@@ -282,7 +283,7 @@ def test_throws_aimed_by_a_calibration_calibrate_again(tmp_path):
 @pytest.fixture(scope="module")
 def recorded() -> tuple[tp.ThrowData, tp.Scene]:
     """18 made throws, and a scene with their object, grip and true contact."""
-    scene = tp.load_scene("pose")
+    scene = loud("pose")
     return made_throws(), scene.replace(
         gripper=tp.Gripper(force=220.0, dwell=0.05, opening=0.06),
         contact=dataclasses.replace(scene.contact, friction=0.8, patch_radius=0.0031),
@@ -374,7 +375,7 @@ def test_another_object_or_grip_is_refused(recorded, plans, tmp_path):
     path = tmp_path / "throws.csv"
     throws_file(plans, path, 9)
     data, scene = recorded
-    pose = tp.load_scene("pose")
+    pose = loud("pose")
     heavy = pose.replace(object=dataclasses.replace(pose.object, mass=0.3))
     with pytest.raises(tp.InputError, match="mass"):
         tp.calibrate(path, heavy)
@@ -409,7 +410,7 @@ def test_a_given_motion_has_no_calibration():
 
 def test_a_known_mean_delay_is_no_bias() -> None:
     """Throws that land where their plans say have none, however late the pads open."""
-    scene = tp.load_scene("pose")
+    scene = loud("pose")
     delay = tp.Distribution(uniform=0.002, mean=0.01)
     late = scene.replace(uncertainty=tp.Uncertainty(delay=delay))
     planned = [tp.Planner(one, library=False).plan() for one in (scene, late)]

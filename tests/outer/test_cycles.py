@@ -57,6 +57,12 @@ def hand_and_objects(folder: Path) -> list[tuple[np.ndarray, np.ndarray, np.ndar
     return found
 
 
+def test_throws_that_are_not_quiet_keep_the_other_costs() -> None:
+    jobs = load_jobs("belt")
+    weights = [one.scene_of(one.picks[0], one.bins[0]).weights for one in (jobs, jobs.loud)]
+    assert weights[1] == weights[0].changed(quiet=0.0) and weights[0].quiet > 0.0
+
+
 def test_the_hand_comes_to_a_pick_and_leaves_it_straight(cycled: Path) -> None:
     """5 cm along its approach, turned as it is."""
     for way, pick, on in hand_and_objects(cycled):

@@ -182,7 +182,7 @@ def test_edited_motion_is_not_sent(copied, tmp_path, refused, column, row, chang
 def test_edited_plans_throw_elsewhere(copied, tmp_path, refused) -> None:
     to = ["--franka", tmp_path / "f"]
     plan = json.loads((copied / "plan.json").read_text())
-    edit_plan(copied, release={"opening_time": plan["release"]["opening_time"] - 0.01})
+    edit_plan(copied, release={"opening_time": plan["release"]["opening_time"] - 0.04})
     assert "mm from the target, tolerance 2 mm" in refused("export", copied, *to)
     edit_plan(copied, release={"opening_time": 0.02})
     assert "the opening command would come 30.0 ms too early" in refused("export", copied, *to)

@@ -77,8 +77,11 @@ def over_map(scene: str, seed: int) -> Iterator[tp.Plan]:
 
 
 @pytest.mark.slow
-def test_a_robot_throws_and_what_it_did_is_recorded(robot, saved, tmp_path, run, table) -> None:
-    plan = saved("fr3")
+def test_a_robot_throws_and_what_it_did_is_recorded(
+    robot, loud_plan_of, tmp_path, run, table
+) -> None:
+    plan = tmp_path / "plan"
+    loud_plan_of("fr3").save(plan, draw=False)
     shown = run("run --dry --json", plan, "--robot", robot).json
     assert shown["approach"]["duration"] > 1.0
     out = tmp_path / "out"

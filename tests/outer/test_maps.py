@@ -127,6 +127,10 @@ def test_the_command(run, tmp_path) -> None:
     assert (answer["z"], answer["theta"], answer["file"]) == (-1.0, None, None)
 
 
+def test_a_robust_map_needs_a_library(refused) -> None:
+    assert "first throwplan prepare ur5e" in refused("map ur5e --robust")
+
+
 def test_a_height_out_of_reach(run) -> None:
     """The hand rises to 1.1 m at most and throws 3 m/s up: 1.56 m is the highest of all."""
     said = run("map hand-box --samples 3000 --z 1.9 --json")

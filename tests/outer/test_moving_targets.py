@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import only
 from throwplan.planner.verdict import verdict
 
 
@@ -35,7 +36,8 @@ def assert_met(plan: tp.Plan) -> None:
 
 
 @pytest.mark.parametrize("speed", [pytest.param(-0.4, marks=pytest.mark.slow), 0.1])
-def test_a_target_is_met_where_it_then_is(pose_planner, speed) -> None:
+def test_a_target_is_met_where_it_then_is(loud_planner_of, speed) -> None:
+    pose_planner = loud_planner_of("pose")
     plan = moving(pose_planner, speed)
     assert_met(plan)
     # Solved by one solver, a throw to where it is met, at rest, has the same NLP: a throw that was
@@ -111,6 +113,8 @@ def test_a_cup_that_moves_is_entered_as_it_sees_the_bar(planner_of) -> None:
 @pytest.mark.slow
 def test_a_sweep_counts_from_the_target_that_moves_on(pose_planner) -> None:
     plan = moving(pose_planner, -0.4)
+    delay = only(delay=tp.Distribution(uniform=0.01))
+    plan = dataclasses.replace(plan, scene=plan.scene.replace(uncertainty=delay))
     found = tp.sweep(plan, samples=20)
     column = found.sampler.names.index("delay")
     for values, landed in zip(found.values, found.landings.pose, strict=True):
@@ -140,8 +144,8 @@ def test_a_throw_may_come_neither_late_nor_early(pose_planner, tmp_path) -> None
     assert [one.code.value for one in verdict(early, plan.target).broken] == ["arrival"]
 
 
-def test_what_a_delay_changes_is_relative_to_the_target(plan_of) -> None:
-    plan = plan_of("conveyor")
+def test_what_a_delay_changes_is_relative_to_the_target(loud_plan_of) -> None:
+    plan = loud_plan_of("conveyor")
     throw, said = plan.throw.deciding, plan.delay.to_dict()["landing"]
     late = throw.delayed(said["delay"])
     way = plan.target.speed * (late.landing_time - throw.landing_time)

@@ -36,9 +36,14 @@ def test_a_swing_goes_on_to_another_target(pose_planner, swing, tick, dx) -> Non
     one = {"path": whole.path, "samples": whole, "manipulator": pose_planner.manipulator}
     opening = plan.throw.opening_time + TICK * tick
     throw = dataclasses.replace(plan.throw.deciding, opening_time=opening, **one)
-    dx, dtheta = throw.miss(target)
-    assert abs(dx) < 1e-4 and abs(dtheta) < 1e-3
+    (dx, dtheta), own = throw.miss(target), plan.throw.deciding.miss(target)
+    assert abs(dx - own[0]) < 1e-4 and abs(dtheta - own[1]) < 1e-3
     assert plan.throw.deciding.command_time >= 0
+
+
+def test_a_quiet_swing_goes_on_quietly(pose_planner, swing) -> None:
+    plan = pose_planner.plan(start=state_at(swing, 60), warm=swing)
+    assert plan.solved and plan.peak_load < 2.0 * swing.peak_load < 0.3
 
 
 def test_any_state_within_the_limits_is_a_start(pose_planner, swing) -> None:

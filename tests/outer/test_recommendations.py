@@ -123,7 +123,8 @@ def test_plans_of_an_imported_arm_say_what_is_assumed(
     scene = "\n".join(line for line in scene.splitlines() if "palm_clearance" not in line)
     (tmp_path / "own-scene.toml").write_text(scene, encoding="utf-8")
     said = run("plan", tmp_path / "own-scene.toml", "--json")
-    assert json.loads(said.out)["assumed"] == [f"arm.{name}" for name in assumed]
+    spreads = ["uncertainty.delay", "uncertainty.opening"]
+    assert json.loads(said.out)["assumed"] == [*(f"arm.{name}" for name in assumed), *spreads]
     line = run("plan", tmp_path / "own-scene.toml").out
     assert "arm tool speed" in line and ("torques are not checked" in line) == (not inertial)
     options += " --force --tool-speed 1.2"

@@ -74,9 +74,9 @@ def test_the_cup_is_hit_as_the_limit_surface_says_and_the_bar_rests_in_it(into_c
     assert np.abs(np.diff(into_cup.com[:, -50:])).max() < 1e-5
 
 
-def test_a_cup_that_moves_is_hit_as_it_sees_the_bar(planner_of) -> None:
+def test_a_cup_that_moves_is_hit_as_it_sees_the_bar(loud_planner_of) -> None:
     """In the cup's frame the same physics: the throw ends in it, near the exact model's landing."""
-    planner = planner_of("near-cup")
+    planner = loud_planner_of("near-cup")
     plan = planner.plan(planner.scene.target.changed(velocity=(-0.2,)))
     result = tp.replay(plan, step=COARSE).objects[0]
     assert_off(result, "target", 0.5, 0.2)

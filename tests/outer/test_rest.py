@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import subprocess
@@ -16,6 +17,10 @@ from throwplan.planner.uncertainty import count_rests
 from throwplan.planner.verdict import Code
 
 pytest.importorskip("mujoco")
+
+
+#: The pads open exactly as planned; the contacts alone vary.
+EXACT = tp.Uncertainty(delay=tp.Distribution(uniform=0.0), opening=tp.Distribution(uniform=0.0))
 
 
 def over_floor(restitution: float, friction: float) -> tp.Scene:
@@ -37,6 +42,7 @@ def over_bin(z: float = 0.25, **changes) -> tp.Scene:
         cup=tp.Cup(**(cup | {"insertion": 0.05} | changes)),
         target=tp.Pose(x=1.08, z=z, theta=-math.pi / 2),
         rest=tp.Rest(in_="cup"),
+        uncertainty=EXACT,
     )
 
 
@@ -95,6 +101,18 @@ def test_the_plan_says_how_often_the_object_stays_and_takes_the_throw_that_stays
     assert shallow.rests.rests + found["moving"] + found["missed"] <= 64
     line = "whether it stays in the cup is not looked at; [rest] does"
     assert line in plain.summary() and line not in shallow.summary()
+
+
+@pytest.mark.slow
+def test_an_unknown_opening_counts() -> None:
+    """A scene that says nothing of delay and opening is counted with those that are assumed."""
+    exact = tp.plan(over_bin(radius=0.10, depth=0.19, rim=0.20).replace(cost=tp.Cost(quiet=0.0)))
+    scene = exact.scene.replace(uncertainty=None)
+    count = count_rests(exact.throw.deciding.in_scene(scene))
+    assert count.rests < exact.rests.rests
+    assert not any(name.startswith("uncertainty") for name in exact.assumed)
+    plan = dataclasses.replace(exact, throw=None, scene=scene)
+    assert {"uncertainty.delay", "uncertainty.opening"} <= set(plan.to_dict()["assumed"])
 
 
 @pytest.mark.slow

@@ -264,7 +264,8 @@ SECTIONS = [
     ("landing", "speed_max = -1", "speed_max"),
     ("uncertainty", "", "nothing is uncertain"),
     ("uncertainty", "delay = 0.01", "delay = 0.01: must be"),
-    ("uncertainty", "delay = { uniform = -0.01 }", "delay: uniform = -0.01: must be above 0"),
+    ("uncertainty", "friction = 0", "friction = 0: must be"),
+    ("uncertainty", "delay = { uniform = -0.01 }", "delay: uniform = -0.01: must be at least 0"),
     ("uncertainty", "delay = { uniform = 0.01, normal = 0.01 }", "exactly one of"),
     # A sign that is wrong, and ms for s: the command would come after the throw, or before all.
     ("uncertainty", "delay = { uniform = 0.01, mean = -5 }", "its mean = -5: must be -0.05 to"),
@@ -387,6 +388,10 @@ def test_uncertainty_in_every_unit(tmp_path) -> None:
     assert scene.uncertainty.names == names
     assert scene.mean_delay == pytest.approx(0.003)
     assert tp.load_scene("pose").mean_delay == 0.0
+    none = "\n[uncertainty]\ndelay = 0\nopening = 0.0\n"
+    certain = loaded(tmp_path, tp.scene_text("pose") + none)
+    assert certain.uncertainty.names == ()
+    assert certain.assumed_spreads == ()
     assert scene.uncertainty.grasp_angle.uniform == pytest.approx(math.radians(2))
 
 

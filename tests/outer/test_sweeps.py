@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from concurrent.futures import ThreadPoolExecutor
 
@@ -33,6 +34,23 @@ def test_json_has_the_interface_s_keys(delay) -> None:
         values = [result["quantiles"][name][key] for key in ("50", "90", "95", "99")]
         assert values == sorted(values)
     assert set(result["sensitivity"]["delay"]) >= {"x", "theta"}
+
+
+def test_what_is_not_given_is_assumed_and_named(delay) -> None:
+    """Delay and opening; 0 says that there is no spread."""
+    spreads = {"delay": tp.Distribution(uniform=0.005), "opening": tp.Distribution(uniform=0.0)}
+    rates = []
+    for known in ((), ("delay",), ("delay", "opening")):
+        given = tp.Uncertainty(**{name: spreads[name] for name in known}) if known else None
+        plan = dataclasses.replace(delay, scene=delay.scene.replace(uncertainty=given))
+        found = tp.sweep(plan, samples=256)
+        result = found.to_dict()
+        missing = [name for name in spreads if name not in known]
+        assert result["assumed"] == [f"uncertainty.{name}" for name in missing]
+        assert ("assumed" in found.summary()) == bool(missing)
+        rates.append(result["success"]["rate"])
+    assert rates[0] <= rates[1] < rates[2]
+    assert result["uncertain"] == ["delay"]
     assert result["sensitivity"]["delay"]["share"]["x"] > 0.95
 
 
@@ -40,6 +58,13 @@ def test_an_open_angle_does_not_count(plan_of) -> None:
     found = tp.sweep(plan_of("hand-box"), samples=200).to_dict()
     assert found["bias"]["angle"] == 0.0
     assert found["quantiles"]["scaled"] == pytest.approx(found["quantiles"]["position"])
+
+
+def test_there_is_nothing_to_sweep_over(delay) -> None:
+    none = tp.Distribution(uniform=0.0)
+    scene = delay.scene.replace(uncertainty=tp.Uncertainty(delay=none, opening=none))
+    with pytest.raises(tp.InputError, match="nothing is uncertain"):
+        tp.sweep(dataclasses.replace(delay, scene=scene))
 
 
 def test_success_of_a_cup_is_going_in(plan_of) -> None:
@@ -93,10 +118,10 @@ def test_the_command_prints_draws_and_writes(tmp_path, run, table) -> None:
     result = said.json
     assert result == json.loads((out / "sweep.json").read_text())
     assert set(result) >= KEYS and result["scene"] == "many"
-    assert list(result["sensitivity"]) == ["delay", "friction", "hand_omega"]
+    assert list(result["sensitivity"]) == ["delay", "opening", "friction", "hand_omega"]
     rows = table(out / "sweep.csv")
     assert rows.size == 300
-    assert rows.dtype.names[:5] == ("sample", "delay", "friction", "hand_omega", "x")
+    assert rows.dtype.names[:6] == ("sample", "delay", "opening", "friction", "hand_omega", "x")
     assert np.abs(rows["delay"]).max() <= 0.005
     assert rows["success"].mean() == pytest.approx(result["success"]["rate"])
     pictures = {"landings.png", "delay.png", "tornado.png"}

@@ -34,9 +34,9 @@ def test_torques_are_those_of_the_whole_arm(name):
 
 
 @pytest.mark.parametrize("name", ["near-cup", "fr3"])
-def test_the_step_of_load_is_that_of_the_released_object(name, plan_of):
+def test_the_step_of_load_is_that_of_the_released_object(name, loud_plan_of):
     """By Newton's and Euler's laws from the oracle's release and its arm, within a millisecond."""
-    plan = plan_of(name)
+    plan = loud_plan_of(name)
     oracle, thing, steps = oracle_of(plan), plan.scene.object, plan.to_dict()["torque"]["load_step"]
     release = released(oracle.held(oracle.columns({}, 1)), oracle.hand, "ls-step", 1000)
     times, com = release.times[:, 0], release.com[:, 0]

@@ -125,9 +125,11 @@ def test_a_falling_table_that_drifts_at_its_end_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("rows", "apart"), [(101, False), (6, True)])
-def test_rows_every_half_millisecond_leave_nothing_to_interpolation(plan_of, rows, apart) -> None:
+def test_rows_every_half_millisecond_leave_nothing_to_interpolation(
+    loud_plan_of, rows, apart
+) -> None:
     """The landing by monotone cubics and by straight lines between the rows, as the page says."""
-    throw = plan_of("hand-flip").throw.deciding
+    throw = loud_plan_of("hand-flip").throw.deciding
     gripper, t = throw.scene.gripper, np.linspace(0.0, 0.05, rows)
     fall, fine = (1 + np.cos(np.pi * t / t[-1])) / 2, np.linspace(0.0, 0.05, 1001)
     landings = []

@@ -58,7 +58,7 @@ class Quiet(SceneConstraint):
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
-        """For a quiet request and for scenarios the price of the load; else constant rates."""
+        """For a request with a window: constant rates, or the price of the load."""
         if request.window is None:
             return None
         s, profile, nodes = SETTINGS, request.scene.gripper.profile(), request.nodes
