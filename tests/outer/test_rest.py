@@ -175,7 +175,7 @@ def test_a_bar_that_rises_to_the_place_is_followed() -> None:
 
 @pytest.mark.slow
 def test_a_sweep_counts_the_throws_that_rest(tmp_path) -> None:
-    plan = tp.plan(over_bin(radius=0.10, depth=0.19, rim=0.20))
+    plan = tp.plan(over_bin(radius=0.10, depth=0.19, rim=0.20).replace(uncertainty=None))
     swept = tp.sweep(plan, samples=64)
     found = swept.to_dict()["rests"]
     assert found["of"] == 64 and found["rests"] == swept.rests.rests
