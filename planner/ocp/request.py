@@ -235,12 +235,7 @@ def quiet_window_of(scene: Scene) -> Window:
     opening's start, under full grip, load costs nothing."""
     delay = scene.uncertain.delay
     assert delay is not None
-    spread = delay.about(0.0)
-    width = WINDOW.deviations * spread.deviation if delay.normal is not None else 0.0
-    before, after = (
-        max(side, width, WINDOW.shortest)
-        for side in (spread.expected - spread.reach[0], spread.reach[1] - spread.expected)
-    )
+    before, after = (max(side, WINDOW.shortest) for side in _sides(delay.about(0.0)))
     late = math.ceil(after / WINDOW.quiet - 1e-9)
     return Window(0, late, True, after / late, before)
 
@@ -251,16 +246,18 @@ def _uncertain_span(scene: Scene) -> tuple[float, float, float]:
     nominal = scene.gripper.profile().opening
     delay, opening = scene.uncertain.delay, scene.uncertain.opening
     assert delay is not None
-    spread, slow = delay.about(0.0), (opening or Distribution(uniform=0.0)).about(nominal)
-    width, slower = (
-        WINDOW.deviations * one.deviation if one.normal is not None else 0.0
-        for one in (spread, slow)
-    )
-    before = max(spread.expected - spread.reach[0], width)
-    after = max(spread.reach[1] - spread.expected, width)
+    before, after = _sides(delay.about(0.0))
+    slow = (opening or Distribution(uniform=0.0)).about(nominal)
     hardly = WINDOW.slow_opening * nominal
-    longest = max(slow.reach[1] - nominal, slow.expected + slower - nominal, hardly)
+    longest = max(slow.expected - nominal + _sides(slow)[1], hardly)
     return before, after + longest, after + hardly
+
+
+def _sides(spread: Distribution) -> tuple[float, float]:
+    """How far below and above its mean a distribution in absolute numbers counts."""
+    width = WINDOW.deviations * spread.deviation if spread.normal is not None else 0.0
+    low, high = spread.reach
+    return max(spread.expected - low, width), max(high - spread.expected, width)
 
 
 def opening_nodes(mesh: Mesh, opening: float) -> Array:
