@@ -30,7 +30,7 @@ class PlainPivot:
         hand = case.hand.at(np.linspace(0.0, case.grip.opening, 2 * self.steps + 1))
         rows, dt = np.vstack([*hand, case.grip.force(hand.times)]), np.diff(hand.times[::2])
         columns = np.vstack([rows[:, :-2:2], rows[:, 1::2], rows[:, 2::2], dt])
-        values = [*vars(case.body).values(), *case.contact.numbers.values(), case.gravity]
+        values = [*vars(case.body).values(), *vars(case.contact).values(), case.gravity]
         numbers = np.tile(np.array(values, float)[:, None], self.steps)
         start = np.array([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
         states = np.column_stack([start, np.array(_compiled(self)(start, columns, numbers))])

@@ -32,7 +32,6 @@ from .structures import (
     ReleaseC,
     SamplesC,
     SceneC,
-    ShapeC,
     SolidC,
     ThrowC,
     TorquesC,

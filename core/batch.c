@@ -148,7 +148,7 @@ WIDE_CLONES EXPORT void limit_surface(const batch *b)
     for (int64_t first = 0; first < b->count; first += LANES) {
         block k;
         lane state[6], next[6], start[9], end[9], force[1], dt[1], lost[1], share, begun;
-        lane problem[10], found[5], held[1], stray[2], friction[3];
+        lane problem[10], found[5], held[1], stray[2];
         load(b, first, &k);
         row_of(b, &k, b->shares, 0, share);
         EACH_LANE begun[l] = share[l] * k.opening[l];
@@ -163,13 +163,9 @@ WIDE_CLONES EXPORT void limit_surface(const batch *b)
             hands_at(b, &k, begun, end);
             row_of(b, &k, b->grip, 2 * s + 1, share);
             EACH_LANE force[0][l] = k.force[l] * share[l];
-            if (b->shape)
-                shaped_step(b->shape, state, start, end, force, dt, k.law, next, friction);
-            else {
-                surface_problem(state, start, end, force, dt, k.law, problem);
-                solve_impulse(problem, found, held);
-                surface_after(state, start, end, problem, found, held, dt, k.law, next);
-            }
+            surface_problem(state, start, end, force, dt, k.law, problem);
+            solve_impulse(problem, found, held);
+            surface_after(state, start, end, problem, found, held, dt, k.law, next);
             copy_lanes(6, next, state);
             EACH_LANE {
                 double held_at = end[2][l] + k.grasp[0][l], turned = fabs(state[2][l] - held_at);

@@ -652,19 +652,8 @@ INLINE double enter(const throw *given, const object *o)
 /* Squared uses of the full grip by hands. */
 INLINE void uses_of(const scene *s, lane hand[9], lane use)
 {
-    lane load[3], w[3], share[1];
+    lane load[3];
     load_at(s, hand, load);
-    if (s->shape) {
-        EACH_LANE {
-            double along = cos(hand[2][l]) / s->force, up = sin(hand[2][l]) / s->force;
-            w[0][l] = along * load[0][l] + up * load[1][l];
-            w[1][l] = along * load[1][l] - up * load[0][l];
-            w[2][l] = load[2][l] / s->torque;
-        }
-        shape_use(s->shape, w, share);
-        EACH_LANE use[l] = share[0][l] * share[0][l];
-        return;
-    }
     EACH_LANE {
         double torque = load[2][l] / s->torque;
         use[l] = (load[0][l] * load[0][l] + load[1][l] * load[1][l]) / (s->force * s->force) + torque * torque;

@@ -285,27 +285,19 @@ static const lane *numbers_of(const surface *f) { return (const lane *)f->r->law
 static void posed(const surface *f, int64_t k, int64_t stride, const lane state[6], lane problem[10])
 {
     lane dt[1] = {{f->times[k + stride] - f->times[k]}}, force[1] = {{f->forces[2 * k + stride]}};
-    if (f->r->shape)
-        shaped_problem(state, f->hands[k], f->hands[k + stride], force, dt, numbers_of(f), problem);
-    else
-        surface_problem(state, f->hands[k], f->hands[k + stride], force, dt, numbers_of(f), problem);
+    surface_problem(state, f->hands[k], f->hands[k + stride], force, dt, numbers_of(f), problem);
 }
 
 /* One step over `stride` intervals from node k on: the state after it, and its friction. */
 static void stepped_surface(const surface *f, int64_t k, int64_t stride, const lane state[6],
                             lane next[6], lane friction[3])
 {
-    lane dt[1] = {{f->times[k + stride] - f->times[k]}}, force[1] = {{f->forces[2 * k + stride]}};
-    const lane *start = f->hands[k], *end = f->hands[k + stride];
+    lane dt[1] = {{f->times[k + stride] - f->times[k]}};
     lane problem[10], found[5], held[1];
-    if (f->r->shape) {
-        shaped_step(f->r->shape, state, start, end, force, dt, numbers_of(f), next, friction);
-        return;
-    }
     posed(f, k, stride, state, problem);
     solve_impulse(problem, found, held);
     surface_friction(problem, found, held, friction);
-    surface_after(state, start, end, problem, found, held, dt, numbers_of(f), next);
+    surface_after(state, f->hands[k], f->hands[k + stride], problem, found, held, dt, numbers_of(f), next);
 }
 
 /* States after steps over `stride` intervals; kept for the two finest, with friction for the finest. */
@@ -528,7 +520,7 @@ EXPORT void surface_steps(const release *r, int64_t steps, double *nodes)
     run k = {.r = r};
     double state[6][1], next[6][1], start[9][1], end[9][1], problem[10][1], found[5][1];
     double opening = r->grip.opening, step = opening / (double)steps;
-    lane held[1], dt[1] = {{step}}, grasp[1] = {{r->angle}}, friction[3];
+    lane held[1], dt[1] = {{step}}, grasp[1] = {{r->angle}};
     hand_at(&k, 0.0, end);
     surface_start(end, grasp, law_of(&k), state);
     for (int64_t n = 0;; n++, nodes += 7) {
@@ -540,13 +532,9 @@ EXPORT void surface_steps(const release *r, int64_t steps, double *nodes)
         lane force[1] = {{force_at(&r->grip, step * ((double)n + 0.5))}};
         copy_lanes(9, end, start);
         hand_at(&k, n + 1 < steps ? step * (double)(n + 1) : opening, end);
-        if (r->shape)
-            shaped_step(r->shape, state, start, end, force, dt, law_of(&k), next, friction);
-        else {
-            surface_problem(state, start, end, force, dt, law_of(&k), problem);
-            solve_impulse(problem, found, held);
-            surface_after(state, start, end, problem, found, held, dt, law_of(&k), next);
-        }
+        surface_problem(state, start, end, force, dt, law_of(&k), problem);
+        solve_impulse(problem, found, held);
+        surface_after(state, start, end, problem, found, held, dt, law_of(&k), next);
         copy_lanes(6, next, state);
     }
 }

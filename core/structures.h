@@ -59,12 +59,6 @@ typedef struct {
     const double *curves; /* [4][pieces] N, highest power first; NULL without pieces */
 } grip;
 
-/* Shape of a limit surface, `SurfaceShape` of models/surface.py: two points, or a quartic. */
-typedef struct {
-    int64_t points;
-    double quartic[15];
-} shape;
-
 /* A release. law: mass [kg], inertia about the CoM [kg m^2], CoM from the pads [m], friction, radius of
    the contact patch [m], torsion, faces, gravity [m/s^2]; angle [rad]: of the held bar on the hand; delay
    [s]: when on the motion the opening starts; turning [rad/s]: how much faster than the motion the hand
@@ -72,7 +66,6 @@ typedef struct {
 typedef struct {
     const path *motion;
     const linkage *arm;
-    const shape *shape; /* of the limit surface; NULL for the ellipsoid */
     grip grip;
     double law[8], angle, delay, turning;
     int64_t paper;
@@ -121,7 +114,6 @@ typedef struct {
 typedef struct {
     int64_t count, steps, pieces, rows, width, paper;
     double gap;
-    const shape *shape;    /* as of `release`, of all throws; NULL for the ellipsoid */
     const double *shares;  /* [2 * steps + 1][width] of the opening: nodes of the steps and their middles */
     const double *grip;    /* [2 * steps + 1][width] force over the full one, there */
     const double *numbers; /* [11][count] law of `release`, grasp angle [rad], opening [s], full force [N] */
@@ -148,7 +140,6 @@ typedef struct {
     double tool_length;                       /* from the flange to the pads' centre */
     double cup_x, cup_rim, cup_radius, cup_insertion; /* a bar's radius is that at its width */
     double cup_speed;                         /* [m/s]; cup_x is where it is at the landing */
-    const shape *shape;                       /* as of `release`; NULL for the ellipsoid */
 } scene;
 
 /* Links' masses [kg], CoM from their joints [m] and inertias about it [kg m^2], as `PlanarBody` of

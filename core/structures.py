@@ -234,12 +234,6 @@ class GripC(Structure):
     _fields_, pointers = _members("grip")
 
 
-class ShapeC(Structure):
-    """The shape of a limit surface."""
-
-    _fields_, pointers = _members("shape")
-
-
 class ReleaseC(Structure):
     """A release."""
 
@@ -267,14 +261,7 @@ class BatchC(Structure):
 #: The structures by their names in C.
 STRUCTURES: dict[str, type[Structure]] = {
     **{"path": PathC, "linkage": LinkageC, "limits": LimitsC, "samples": SamplesC},
-    **{
-        "grip": GripC,
-        "shape": ShapeC,
-        "release": ReleaseC,
-        "move": MoveC,
-        "moved": MovedC,
-        "batch": BatchC,
-    },
+    **{"grip": GripC, "release": ReleaseC, "move": MoveC, "moved": MovedC, "batch": BatchC},
     **{"scene": SceneC, "torques": TorquesC, "throw": ThrowC, "reference": ReferenceC},
     **{"extreme": Extreme, "measured": Measured, "solid": SolidC, "bodies": BodiesC},
 }

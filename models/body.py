@@ -19,7 +19,6 @@ import numpy as np
 import numpy.typing as npt
 
 from .backend import Value, backend, components
-from .surface import SurfaceShape
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -85,20 +84,13 @@ class Contact:
     """Pad patch: friction [-], patch_radius r_p [m], torsion c [-], number of faces [-].
 
     The normal force is that of one pad; a bar pinched between two pads has two faces, and
-    both friction limits count each of them. shape: of the limit surface, None for the ellipsoid
-    (19); the limit-surface stepping, the slip's onset and the use of the grip know it.
+    both friction limits count each of them.
     """
 
     friction: Value
     patch_radius: Value
     torsion: Value = 0.6
     faces: Value = 2
-    shape: SurfaceShape | None = None
-
-    @property
-    def numbers(self) -> dict[str, Value]:
-        """friction, patch_radius, torsion and faces by their names: all but the shape."""
-        return {name: value for name, value in vars(self).items() if name != "shape"}
 
     def force_limit(self, normal_force: Value) -> Value:
         """f_max = faces mu f_N [N], the largest tangential force."""
@@ -110,26 +102,14 @@ class Contact:
         return self.torsion * self.patch_radius
 
     def utilisation_squared(
-        self,
-        force_x: Value,
-        force_z: Value,
-        torque: Value,
-        normal_force: Value,
-        hand_angle: Value = 0.0,
+        self, force_x: Value, force_z: Value, torque: Value, normal_force: Value
     ) -> Value:
         """Squared share of the friction limit that a wrench uses: below 1 inside the surface.
 
-        (|f|/f_max)^2 + (tau/tau_max)^2 on the ellipsoid (19). hand_angle [rad]: to which another
-        shape is fixed.
+        (|f|/f_max)^2 + (tau/tau_max)^2, the ellipsoid (19).
         """
         limit = self.force_limit(normal_force)
-        arm = self.torsion_arm
-        if self.shape is None:
-            return (force_x**2 + force_z**2 + (torque / arm) ** 2) / limit**2
-        xp = backend(hand_angle)
-        cos, sin = xp.cos(hand_angle), xp.sin(hand_angle)
-        along, across = cos * force_x + sin * force_z, cos * force_z - sin * force_x
-        return (self.shape.gauge((along, across, torque / arm)) / limit) ** 2
+        return (force_x**2 + force_z**2 + (torque / self.torsion_arm) ** 2) / limit**2
 
     def sliding_wrench(self, twist: Array) -> Array:
         """Gamma(v) = -A^-1 v / sqrt(v^T A^-1 v) of the ellipsoid (19).

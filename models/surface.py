@@ -10,13 +10,13 @@ hand's axis, c r_p before and behind the middle of the pads, and bear half of th
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from .backend import Value, backend
+from .body import Array, Contact
 
 #: Shapes by their names in files, and how many coefficients each has.
 SHAPES = {"ellipsoid": 6, "quartic": 15, "two-points": 0}
@@ -28,52 +28,12 @@ ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 DIRECTIONS = 4000
 
 
-def polynomial(coefficients: Sequence[Value], w: Sequence[Value], *by: int) -> Value:
-    """A quartic at w (3 values), or its derivative by the given components."""
-    total: Value = 0.0
-    for coefficient, exponents in zip(coefficients, EXPONENTS, strict=True):
-        left, term = list(exponents), coefficient
-        for component in by:
-            term = left[component] * term
-            left[component] -= 1
-        if min(left) < 0:
-            continue
-        for value, exponent in zip(w, left, strict=True):
-            for _ in range(exponent):
-                term = term * value
-        total = total + term
-    return total
-
-
-def quartic_gauge(w: Sequence[Value], coefficients: Sequence[Value]) -> Value:
-    """Gauge of a quartic: the fourth root of H(w)."""
-    value = polynomial(coefficients, w)
-    xp = backend(value)
-    return xp.sqrt(xp.sqrt(xp.maximum(value, 0.0)))
-
-
-def points_gauge(w: Sequence[Value]) -> Value:
-    """Gauge of two points: the larger share of their friction, with the force along the hand shared
-    best.
-
-    The forces across the hand follow from w. While both points bear some of the force along it,
-    both are at their limit.
-    """
-    along, across, torque = w
-    xp = backend(*w)
-    size = abs(along)
-    behind, before, difference = across - torque, across + torque, 4.0 * across * torque
-    share = size + difference / (4.0 * xp.maximum(size, 1e-150))
-    both = xp.sqrt(behind * behind + share * share)
-    one = xp.maximum(abs(behind), abs(before))
-    return xp.where(4.0 * size * size >= abs(difference), both, one)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SurfaceShape:
-    """A shape: the 15 coefficients of its quartic, none for two points."""
+    """A shape: the symmetric tensor C of its quartic H(w) = sum C_ijkl w_i w_j w_k w_l, as a matrix
+    (9, 9) of the pairs ij and kl; None for two points."""
 
-    quartic: tuple[float, ...] = ()
+    quartic: Array | None = None
 
     @classmethod
     def of(cls, name: str, coefficients: Sequence[float]) -> SurfaceShape:
@@ -85,50 +45,73 @@ class SurfaceShape:
         """
         if len(coefficients) != SHAPES[name]:
             raise ValueError(f"{name} takes {SHAPES[name]} numbers, not {len(coefficients)}")
-        values = tuple(float(value) for value in coefficients)
+        if name == "two-points":
+            return cls()
         if name == "ellipsoid":
-            return cls.squared(values)._checked()
-        return cls(values)._checked() if name == "quartic" else cls()
+            a = np.empty((3, 3))
+            for (i, j), value in zip(ENTRIES, coefficients, strict=True):
+                a[i, j] = a[j, i] = value
+            square = np.multiply.outer(a, a)
+            mixed = square.transpose(0, 2, 1, 3) + square.transpose(0, 2, 3, 1)
+            return cls((square + mixed).reshape(9, 9) / 3.0)._checked()
+        tensor = np.zeros((3,) * 4)
+        for exponents, value in zip(EXPONENTS, coefficients, strict=True):
+            factors = [axis for axis, power in enumerate(exponents) for _ in range(power)]
+            places = set(itertools.permutations(factors))
+            for place in places:
+                tensor[place] = value / len(places)
+        return cls(tensor.reshape(9, 9))._checked()
 
-    @classmethod
-    def squared(cls, a: Sequence[float]) -> SurfaceShape:
-        """The quartic (w^T A w)^2 of an ellipsoid; unchecked."""
-        terms = [(a[n] * (1.0 if i == j else 2.0), i, j) for n, (i, j) in enumerate(ENTRIES)]
-        found = dict.fromkeys(EXPONENTS, 0.0)
-        for one, i, j in terms:
-            for other, k, m in terms:
-                places = (i, j, k, m)
-                found[places.count(0), places.count(1), places.count(2)] += one * other
-        return cls(tuple(found.values()))
+    def gauge(self, w: Array) -> Array:
+        """Size (...) of w (3, ...): 1 on the surface, in proportion along a ray."""
+        if self.quartic is None:
+            return _points_gauge(w)
+        value = np.einsum("i...,ij...,j...", w, self.paired(w), w)
+        return np.asarray(np.maximum(value, 0.0) ** 0.25)
 
-    def gauge(self, w: Sequence[Value]) -> Value:
-        """Size of w (3 values): 1 on the surface, in proportion along a ray."""
-        return quartic_gauge(w, self.quartic) if self.quartic else points_gauge(w)
+    def use(self, contact: Contact, wrench: Array, force: Array, angle: Array) -> Array:
+        """Share (...) of a contact's friction limit that a wrench (3, ...) [N, N, N m] in world
+        axes uses, at a normal force [N] and an angle [rad] of the hand."""
+        cos, sin, (f_x, f_z, torque) = np.cos(angle), np.sin(angle), wrench
+        turned = np.array([cos * f_x + sin * f_z, cos * f_z - sin * f_x])
+        w = np.concatenate([turned, torque[None] / contact.torsion_arm])
+        return self.gauge(w / contact.force_limit(force))
 
-    def normal(self, w: Sequence[Value]) -> list[Value]:
-        """Gradient of H (3 values) at w: the direction of slip under friction -w; of a quartic."""
-        return [polynomial(self.quartic, w, i) for i in range(3)]
-
-    @cached_property
-    def inscribed(self) -> float:
-        """Radius of the largest plain ellipsoid inside: 1 for the plain one."""
-        return float(1.0 / np.max(self.gauge(list(_directions()))))
+    def paired(self, w: Array) -> Array:
+        """M (3, 3, ...), the sum of C_ijkl w_k w_l: H is w^T M w, its gradient 4 M w and its
+        Hessian 12 M. Of a quartic."""
+        assert self.quartic is not None
+        pairs = (w[:, None] * w).reshape(9, -1)
+        return np.asarray((self.quartic @ pairs).reshape(3, 3, *w.shape[1:]))
 
     def _checked(self) -> SurfaceShape:
         """Itself; ValueError if a quartic is not positive, or not convex, in some direction."""
-        w = list(_directions())
-        if np.min(polynomial(self.quartic, w)) <= 1e-9 * np.max(np.abs(self.quartic)):
+        assert self.quartic is not None
+        largest, w = np.abs(self.quartic).max(), _directions()
+        if self.gauge(w).min() ** 4 <= 1e-9 * largest:
             raise ValueError("the surface is not bounded: H(w) must be above 0 in each direction")
-        bend = [
-            [polynomial(self.quartic, w, i, j) + 0.0 * w[0] for j in range(3)] for i in range(3)
-        ]
-        least = np.linalg.eigvalsh(np.array(bend).transpose(2, 0, 1)).min()
-        if least < -1e-6 * np.max(np.abs(self.quartic)):
+        if np.linalg.eigvalsh(self.paired(w).T).min() < -1e-7 * largest:
             raise ValueError("the surface is not convex: the Hessian of H(w) has a negative value")
         return self
 
 
-def _directions() -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _points_gauge(w: Array) -> Array:
+    """Gauge of two points: the larger share of their friction, with the force along the hand shared
+    best.
+
+    The forces across the hand follow from w. While both points bear some of the force along it,
+    both are at their limit.
+    """
+    along, across, torque = w
+    size = np.abs(along)
+    behind, before, difference = across - torque, across + torque, 4.0 * across * torque
+    share = size + difference / (4.0 * np.maximum(size, 1e-150))
+    one = np.maximum(np.abs(behind), np.abs(before))
+    both = 4.0 * size * size >= np.abs(difference)
+    return np.asarray(np.where(both, np.hypot(behind, share), one))
+
+
+def _directions() -> Array:
     """Directions (3, N), evenly over the half sphere (a spiral), and the axes and diagonals."""
     share = (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
     turn, radius = np.pi * (1.0 + 5.0**0.5) * np.arange(DIRECTIONS), np.sqrt(1.0 - share**2)

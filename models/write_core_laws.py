@@ -21,18 +21,8 @@ from .body import Body, Contact, FlightLaw, FlightState, HandSamples, held_wrenc
 from .release.cases import LOST_SLIP
 from .release.integrators import rk4_step
 from .release.limit_surface import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
-from .release.shaped_surface import (
-    FIRST_SHARE,
-    LEFT,
-    POINT_ITERATIONS,
-    QUARTIC_ITERATIONS,
-    SETTLED,
-    PointsStep,
-    QuarticStep,
-)
 from .release.sliding_pivot import SlidingPivot
 from .robot.kinematics import PlanarBody, flange_velocity, joint_torque, link_end
-from .surface import points_gauge, quartic_gauge
 
 HEAD = """\
 /* Written by `python -m throwplan.models.write_core_laws`: do not edit. */
@@ -42,12 +32,6 @@ HEAD = """\
 #include "lanes.h"
 
 #define ITERATIONS {iterations}
-/* Of steps on other shapes, see models/release/shaped_surface.py. */
-#define QUARTIC_ITERATIONS {quartic}
-#define POINT_ITERATIONS {points}
-#define FIRST_SHARE {first}
-#define LEFT {left}
-#define SETTLED_SHARE {settled}
 /* Slip beyond the CoM's distance by which the body has left the pads [m]. */
 #define LOST_SLIP {lost}
 """
@@ -130,10 +114,8 @@ def _scalar(f: ca.Function) -> str:
 
 def text() -> str:
     """The text of core/laws.h."""
-    shaped = {"quartic": QUARTIC_ITERATIONS, "points": POINT_ITERATIONS, "settled": SETTLED}
-    shaped |= {"first": FIRST_SHARE, "left": LEFT}
-    head = HEAD.format(iterations=ITERATIONS, lost=LOST_SLIP, **shaped)
-    laws = [*_link_functions(), *_pivot_functions(), *_surface_functions(), *_shape_functions()]
+    head = HEAD.format(iterations=ITERATIONS, lost=LOST_SLIP)
+    laws = [*_link_functions(), *_pivot_functions(), *_surface_functions()]
     return head + _flight_text() + "".join(map(_lane_function, laws)) + "\n#endif\n"
 
 
@@ -219,39 +201,6 @@ def _surface_functions() -> list[ca.Function]:
         ),
         _law("surface_friction", s, newton, friction=friction),
         _law("surface_after", s, f"state start end {newton} dt law", next=after),
-    ]
-
-
-def _shape_functions() -> list[ca.Function]:
-    p, body, contact, gravity = _number_symbols()
-    law = LimitSurfaceStepping(body, contact, gravity, turned=True)
-    sizes = {"state": 6, "base": 10, "found": 5, "factor": 9, "w": 3, "quartic": 15, "unknowns": 7}
-    sizes |= dict.fromkeys(("force", "dt", "share"), 1)
-    s = {name: ca.SX.sym(name, size) for name, size in sizes.items()} | {"law": p}
-    (s["start"], first), (s["end"], last) = _hand("start"), _hand("end")
-    hands, state, dt = (first, last), s["state"], s["dt"]
-    rows, w, quartic, unknowns, factor, found = (
-        ca.vertsplit(s[name]) for name in ("base", "w", "quartic", "unknowns", "factor", "found")
-    )
-    lever = law.lever(state, hands, dt)
-    posed = law.problem(state, hands, lever, s["force"], dt)
-    base = ImpulseProblem(rows[:6], rows[6:9], rows[9])
-    step, points = QuarticStep(base, quartic), PointsStep(base)
-    tangent, made = step.tangent(w, s["share"])
-    nearer, way = step.wrench(found[1:4], factor, w)
-    better, moved = points.refined(unknowns)
-    rhs = [*posed.matrix, *posed.rhs, posed.radius]
-    problem = [*tangent.matrix, *tangent.rhs, tangent.radius]
-    after = law.after(state, hands, lever, w, dt)
-    return [
-        _law("shaped_problem", s, "state start end force dt law", problem=rhs),
-        _law("shaped_after", s, "state start end w dt law", next=after),
-        _law("quartic_use", s, "w quartic", use=[quartic_gauge(w, quartic)]),
-        _law("points_use", s, "w", use=[points_gauge(w)]),
-        _law("quartic_tangent", s, "base w quartic share", problem=problem, factors=made),
-        _law("quartic_wrench", s, "base found factor w quartic", nearer=nearer, moved=[way]),
-        _law("points_wrench", s, "base unknowns", wrench=points.wrench(unknowns)),
-        _law("points_refined", s, "base unknowns", better=better, moved=[moved]),
     ]
 
 

@@ -6,11 +6,10 @@ import dataclasses
 import math
 from typing import Any, ClassVar
 
-from ..models import SHAPES
 from ..models.release import DECIDING
 from .checks import InputError
 from .files import toml_lines
-from .section import Section, meanings, optional, quantity, table_of
+from .section import Section, meanings, quantity, table_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -19,7 +18,7 @@ class Calibration(Section):
     writes them. A plan's landings include the bias, so that it aims beside the target and the
     object lands on it.
 
-    The region holds for throws like the measured ones: `mass` to `coefficients` say what these
+    The region holds for throws like the measured ones: `mass` to `faces` say what these
     were.
     """
 
@@ -51,8 +50,6 @@ class Calibration(Section):
     model: str = quantity("release model of the prediction", choices=DECIDING)
     torsion: float = quantity("c, of the prediction", above=0, default=0.6)
     faces: int = quantity("of the prediction", least=1, default=2)
-    shape: str | None = optional("of the prediction's limit surface", choices=tuple(SHAPES))
-    coefficients: tuple[float, ...] = quantity("of this shape", default=())
     fitted: bool = quantity(
         "friction and radius were fitted to these throws, for each residual to the others",
         default=False,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, overload
 
 import numpy as np
@@ -209,34 +209,6 @@ class Grasp(Section):
     )
 
 
-#: Of the keys `shape` and `coefficients`, which data of throws have too.
-SHAPE_WORDS = (
-    "of the limit surface, fixed to the hand; left out: the ellipsoid of friction, patch_radius "
-    "and torsion; `ellipsoid` and `quartic` need `coefficients`; `two-points`: on the hand's axis, "
-    "torsion·patch_radius before and behind the middle. `ls-step` and the grip's use know it, "
-    "and `patch` and `lugre` know two points"
-)
-COEFFICIENT_WORDS = (
-    "of the shape; x, y, t are force along and across the hand and torque as shares of their "
-    "limits. 6 of an `ellipsoid` A₁₁ x² + A₂₂ y² + A₃₃ t² + 2 A₁₂ xy + 2 A₁₃ xt + 2 A₂₃ yt = 1; "
-    "15 of a `quartic`, of x⁴, x³y, x³t, x²y², x²yt, x²t², xy³, xy²t, xyt², xt³, y⁴, y³t, y²t², "
-    "yt³, t⁴"
-)
-
-
-def surface_shape(name: str | None, coefficients: Sequence[float]) -> SurfaceShape | None:
-    """The shape of a limit surface by its keys in a file; None for the plain ellipsoid.
-
-    InputError for coefficients without a shape, or that make no convex surface.
-    """
-    if name is None:
-        if coefficients:
-            raise InputError(f"coefficients: only with shape, one of {', '.join(SHAPES)}")
-        return None
-    with within("coefficients", errors=ValueError):
-        return SurfaceShape.of(name, coefficients)
-
-
 @dataclasses.dataclass(frozen=True)
 class PadContact(Section):
     """Friction of the pads. Required."""
@@ -263,25 +235,50 @@ class PadContact(Section):
         choices=("uniform", "hertz"),
         default="uniform",
     )
-    shape: str | None = optional(SHAPE_WORDS, choices=tuple(SHAPES))
-    coefficients: tuple[float, ...] = quantity(COEFFICIENT_WORDS, default=())
+    shape: str | None = optional(
+        "of the limit surface, fixed to the hand, for `simulate` alone; left out: the ellipsoid of "
+        "friction, patch_radius and torsion; `ellipsoid` and `quartic` need `coefficients`; "
+        "`two-points`: on the hand's axis, torsion·patch_radius before and behind the middle",
+        choices=tuple(SHAPES),
+    )
+    coefficients: tuple[float, ...] = quantity(
+        "of the shape; x, y, t are force along and across the hand and torque as shares of their "
+        "limits. 6 of an `ellipsoid` A₁₁ x² + A₂₂ y² + A₃₃ t² + 2 A₁₂ xy + 2 A₁₃ xt + 2 A₂₃ yt = "
+        "1; 15 of a `quartic`, of x⁴, x³y, x³t, x²y², x²yt, x²t², xy³, xy²t, xyt², xt³, y⁴, y³t, "
+        "y²t², yt³, t⁴",
+        default=(),
+    )
 
     @property
-    def points(self) -> str:
-        """Where the models `patch` and `lugre` have their points: the shape if it says so, or
-        `pressure`."""
-        return "two-points" if self.shape == "two-points" else self.pressure
-
-    @functools.cached_property
     def contact(self) -> Contact:
         """The contact of the release models."""
-        shape = surface_shape(self.shape, self.coefficients)
-        return Contact(self.friction, self.patch_radius, self.torsion, self.faces, shape)
+        return Contact(self.friction, self.patch_radius, self.torsion, self.faces)
+
+    @functools.cached_property
+    def surface(self) -> SurfaceShape | None:
+        """The shape of the limit surface; None for the plain ellipsoid.
+
+        InputError for coefficients without a shape, or that make no convex surface.
+        """
+        if self.shape is None:
+            if self.coefficients:
+                raise InputError(f"coefficients: only with shape, one of {', '.join(SHAPES)}")
+            return None
+        with within("coefficients", errors=ValueError):
+            return SurfaceShape.of(self.shape, self.coefficients)
+
+    def check_plain(self) -> None:
+        """InputError with a shape."""
+        if self.shape is not None:
+            raise InputError(
+                f"[contact] shape = {self.shape!r}: only `simulate` throws other shapes than the "
+                "ellipsoid, of a scene with [motion]: leave the key out"
+            )
 
     def check(self) -> None:
         """Assumes the patch radius of the built-in Panda scenes if none is given; checks the shape
         of the limit surface."""
-        surface_shape(self.shape, self.coefficients)
+        _ = self.surface
         if self.patch_radius is None:
             words = (
                 "patch_radius is left out: 0.0025 m is taken; better press the closed pads on "

@@ -108,6 +108,7 @@ class Scene(Section):
         for words in self._void():
             mistakes.lines.append(words)
         for check in (
+            self._check_shape,
             self._check_grasp,
             self._check_dwell,
             functools.partial(check_torque, self.torque, self.robot, self.arm),
@@ -135,6 +136,10 @@ class Scene(Section):
         jerks = self.robot is not None and self.robot.control == "jerk"
         if self.cost is not None and self.cost.jerk != Cost().jerk and not jerks:
             yield '[cost] jerk: only for a scene with [robot] and its control = "jerk"'
+
+    def _check_shape(self) -> None:
+        if self.motion is None:
+            self.contact.check_plain()
 
     def _check_grasp(self) -> None:
         if self.grasp.offset > self.object.com:

@@ -32,8 +32,11 @@ def scene_text(name: str) -> str:
 
 
 def as_scene(scene: Scene | str | Path) -> Scene:
-    """A scene as it is, or loaded."""
-    return scene if isinstance(scene, Scene) else load_scene(scene)
+    """A scene as it is, or loaded; InputError with [contact] shape, for `simulate` alone."""
+    found = scene if isinstance(scene, Scene) else load_scene(scene)
+    with within(found.place):
+        found.contact.check_plain()
+    return found
 
 
 def load_scene(source: str | Path) -> Scene:

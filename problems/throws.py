@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from ..models import SHAPES, Array, Contact, Indices, ReadOnly
+from ..models import Array, Contact, Indices, ReadOnly
 from ..models.release import TableGrip
 from ..models.robot import Arm
 from .arms import load_arm, load_gripper
 from .checks import InputError, within
 from .files import csv_lines, read_csv, read_text, table_number, toml_tables
-from .grip import COEFFICIENT_WORDS, SHAPE_WORDS, Grasp, ThrownObject, held_object, surface_shape
+from .grip import Grasp, ThrownObject, held_object
 from .section import Section, from_table, optional, quantity, unknown
 
 #: Required columns of throws.csv.
@@ -35,8 +35,8 @@ MORE = ("track", "grasp_offset", "grasp_angle_deg")
 class Shared(Section):
     """Properties shared by all throws of a data set.
 
-    Faces and torsion of the pads and the shape of their limit surface are not identified. arm is
-    None for motions of the hand; synthetic: origin of synthetic throws, empty for real ones.
+    Faces and torsion of the pads are not identified. arm is None for motions of the hand;
+    synthetic: origin of synthetic throws, empty for real ones.
     """
 
     landing_height: float = quantity(
@@ -53,8 +53,6 @@ class Shared(Section):
         most=10,
         default=0.6,
     )
-    shape: str | None = optional(SHAPE_WORDS, choices=tuple(SHAPES))
-    coefficients: tuple[float, ...] = quantity(COEFFICIENT_WORDS, default=())
     arm: str | None = quantity(
         "whose joints the motions hold; left out: the hand's x, z, theta", default=None
     )
@@ -72,15 +70,13 @@ class Shared(Section):
     )
 
     def check(self) -> None:
-        """The shape of the limit surface is one; a gripper is on an arm."""
-        surface_shape(self.shape, self.coefficients)
+        """A gripper is on an arm."""
         if self.gripper is not None and self.arm is None:
             raise InputError(f"gripper = {self.gripper!r}: only with arm: motions are of the hand")
 
     def contact(self, friction: Any, patch_radius: Any) -> Contact:
         """The contact with these unknowns: numbers or arrays (N,)."""
-        shape = surface_shape(self.shape, self.coefficients)
-        return Contact(friction, patch_radius, self.torsion, self.faces, shape)
+        return Contact(friction, patch_radius, self.torsion, self.faces)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,9 +12,9 @@ from .integrators import (
     exact_surface_release,
     relative_states,
     rk4_step,
-    shape_for_core,
 )
 from .limit_surface import SteppedRelease
 from .published_surface import ImplicitRelease, KarnoppRelease
 from .registry import BATCH_MODELS, DECIDING, MODELS, SLIDING_PIVOT, STEPPED_SURFACE, ReleaseModel
+from .shaped_surface import ShapedRelease
 from .sliding_pivot import SlidingPivot, SlidingPivotRelease, Widths, soft_positive

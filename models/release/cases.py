@@ -23,6 +23,7 @@ from ..body import (
     read_only,
     sticking_state,
 )
+from ..surface import SurfaceShape
 from ..trajectory import Throws, Trajectory
 from .grip import GripProfile
 
@@ -60,9 +61,9 @@ class ReleaseCase:
         wrench = held_wrench(self.body, self.gravity, hand.motion, self.grasp_angle)
         return np.array(np.broadcast_arrays(*wrench))
 
-    def slip_onset(self) -> tuple[float | None, float | None]:
-        """Times [s] at which pivot and slide start on the limit surface, None for a motion that
-        does not.
+    def slip_onset(self, shape: SurfaceShape | None = None) -> tuple[float | None, float | None]:
+        """Times [s] at which pivot and slide start on the limit surface, of another shape than the
+        plain ellipsoid if one is given; None for a motion that does not.
 
         Slip starts when the wrench of a sticking body first reaches the surface of the falling grip
         force. Accurate to 1e-12 of the opening; 0 for a body that slips under full grip.
@@ -71,12 +72,12 @@ class ReleaseCase:
 
         def excess(times: Array) -> Array:
             """Excess of the needed wrench over the surface, as a share of it."""
-            f_x, f_z, torque = self.held_wrench(times)
+            f_x, f_z, torque = wrench = self.held_wrench(times)
             # The addition is against slip by rounding errors.
             force = self.grip.force(times) + 1e-11 * self.grip.full
-            angle = self.hand.at(times).pose[2]
-            use = self.contact.utilisation_squared(f_x, f_z, torque, force, angle)
-            return np.asarray(use - 1.0)
+            if shape is not None:
+                return shape.use(self.contact, wrench, force, self.hand.at(times).pose[2]) - 1.0
+            return np.asarray(self.contact.utilisation_squared(f_x, f_z, torque, force) - 1.0)
 
         times = np.linspace(0.0, self.grip.opening, 201)
         above = np.flatnonzero(excess(times) > 0)

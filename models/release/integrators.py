@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ...core import BatchC, GripC, LinkageC, ReleaseC, ShapeC, library, threads
+from ...core import BatchC, GripC, LinkageC, ReleaseC, library, threads
 from ..backend import Value, components
 from ..body import Array, HandMotion
-from ..surface import SurfaceShape
 from ..trajectory import MovedHand, Throws, Trajectory
 from .cases import LOST_SLIP, BatchRelease, Release, ReleaseBatch, ReleaseCase, chunks
 from .grip import GripProfile
@@ -53,7 +52,7 @@ def _moved(state: Sequence[Value], rates: Sequence[Value], dt: Value) -> list[Va
 
 def law_numbers(given: ReleaseCase | ReleaseBatch) -> list[Any]:
     """The law's numbers, in the order of `release` of core/structures.h."""
-    return [*vars(given.body).values(), *given.contact.numbers.values(), given.gravity]
+    return [*vars(given.body).values(), *vars(given.contact).values(), given.gravity]
 
 
 # N releases by the core.
@@ -86,7 +85,6 @@ def compiled_batch(
     sizes = {"count": batch.count, "steps": steps, "pieces": pieces, "rows": rows, "width": width}
     found = BatchC(**sizes, gap=gap, paper=paper)
     found.attach(**{name: np.ascontiguousarray(value, float) for name, value in given.items()})
-    found.attach(shape=shape_for_core(batch.contact.shape))
     detach, stray = np.empty((batch.count, 6)), np.empty((batch.count, 2))
     lost = np.empty(batch.count, bool)
     found.attach(detach=detach, stray=stray, lost=lost)
@@ -247,17 +245,8 @@ def compiled_release(case: ReleaseCase) -> ReleaseC:
     assert motion.n == arm.n
     release = ReleaseC(angle=case.grasp_angle, delay=float(path.delays), turning=turning)
     release.law[:] = law_numbers(case)
-    release.attach(motion=motion, arm=arm, shape=shape_for_core(case.contact.shape), grip=grip)
+    release.attach(motion=motion, arm=arm, grip=grip)
     return release
-
-
-def shape_for_core(shape: SurfaceShape | None) -> ShapeC | None:
-    """A limit surface's shape for the core; None for the ellipsoid."""
-    if shape is None:
-        return None
-    found = ShapeC(points=not shape.quartic)
-    found.quartic[: len(shape.quartic)] = shape.quartic
-    return found
 
 
 def _grip(profile: GripProfile) -> GripC:

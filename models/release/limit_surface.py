@@ -113,7 +113,7 @@ class LimitSurfaceStepping:
     force is that in the middle of a step. Slip is measured against the hand at its end, where the
     new velocity is. The lever is taken at its middle, which keeps a sticking body on a turning hand
     to second order. turned: whether y is in the hand's axes, in the middle of the step, as surfaces
-    of other shapes need it; the plain ellipsoid is round in the plane.
+    of other shapes and patches need it; the plain ellipsoid is round in the plane.
     """
 
     body: Body

@@ -44,7 +44,7 @@ UNSOLVED = "a step of the patch was not solved"
 #: above which BLAS uses threads that wait ten times longer on a busy machine.
 PATCH_CHUNK = 112
 #: The entries of `ImpulseProblem.matrix`, row by row.
-_ROWS = [0, 3, 4, 3, 1, 5, 4, 5, 2]
+ROWS = [0, 3, 4, 3, 1, 5, 4, 5, 2]
 #: Disc radius over its torsion arm, the mean of |rho| weighted by pressure.
 RADIUS_PER_ARM = {"uniform": 1.5, "hertz": 16.0 / (3.0 * math.pi)}
 
@@ -300,7 +300,7 @@ class PatchRelease:
             lever = law.lever(state, ends, dt[k])
             # The law's impulse y is in units of the friction, its torque over the torsion arm.
             step = law.problem(state, ends, lever, 1.0, dt[k])
-            inverse = (np.array(step.matrix)[_ROWS] / friction**2).T.reshape(-1, 3, 3)
+            inverse = (np.array(step.matrix)[ROWS] / friction**2).T.reshape(-1, 3, 3)
             free = -np.array(step.rhs) / friction
             rigid = SlipProblem(np.linalg.inv(inverse), free, limits[k], creep, none)
             problem = rigid

@@ -70,8 +70,7 @@ class ReleaseModel:
         return self.batches and self.chunk >= 1000
 
     def with_pressure(self, pressure: str) -> ReleaseModel:
-        """The model with 'uniform' or 'hertz' pressure of the pads, or with 'two-points'; itself
-        without meshed pads."""
+        """The model with 'uniform' or 'hertz' pressure of the pads; itself without meshed pads."""
         if pressure == "uniform" or not isinstance(self.model, PatchRelease):
             return self
         return replace(self, model=replace(self.model, pressure=pressure))

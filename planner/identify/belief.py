@@ -214,8 +214,6 @@ def contact_text(
         k: float(f"{known.value(k):.6g}") for k in ("friction", "patch_radius")
     }
     contact |= {"torsion": shared.torsion, "faces": shared.faces}
-    if shared.shape is not None:
-        contact |= {"shape": shared.shape, "coefficients": list(shared.coefficients)}
     tables = {"contact": contact, "uncertainty": (uncertainty or uncertainty_of(belief)).table()}
     lines = [
         "# In place of the [contact] and [uncertainty] of a scene. The uncertainty is that of the",

@@ -194,8 +194,6 @@ def _section(found: Residuals, scene: Scene, level: float) -> Calibration:
         model=scene.tolerance.model,
         torsion=contact.torsion,
         faces=contact.faces,
-        shape=contact.shape,
-        coefficients=contact.coefficients,
         fitted=found.fit is not None,
     )
 

@@ -14,7 +14,7 @@ from ...models import Array, ReadOnly
 from ...models.release import MODELS, STEPPED_SURFACE
 from ...problems import InputError, Scene
 from ...problems.files import filling, write_json
-from ...problems.scene_files import as_scene, load_scene
+from ...problems.scene_files import as_scene
 from ...problems.throws import ThrowData
 from ..show import BLUE, GREEN, GREY, Table, new_figure, own_style, save
 from ..workers import Progress
@@ -162,8 +162,8 @@ def identify(
     about(words) gives the progress of a part. InputError for an unknown model, and if the throws
     cannot tell the unknowns.
     """
-    if isinstance(prior, str | Path):
-        prior = load_scene(prior)
+    if isinstance(prior, Scene | str | Path):
+        prior = as_scene(prior)
     if not model:
         model = prior.tolerance.model if isinstance(prior, Scene) else STEPPED_SURFACE
     _check_fit(data, model)

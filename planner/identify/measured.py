@@ -116,8 +116,6 @@ def throw_data(
         gravity=scene.gravity,
         faces=scene.contact.faces,
         torsion=scene.contact.torsion,
-        shape=scene.contact.shape,
-        coefficients=scene.contact.coefficients,
         position_noise=position_noise,
         angle_noise=angle_noise,
     )

@@ -63,7 +63,7 @@ def recorded_residuals(
     fit: by a contact fitted to the other throws. InputError for another object, grip force or shape
     of the contact than the scene's, and where recorded forces may hold its mean delay already.
     """
-    for key in ("torsion", "faces", "shape", "coefficients"):
+    for key in ("torsion", "faces"):
         there, here = getattr(data.shared, key), getattr(scene.contact, key)
         if there != here:
             have, want = (

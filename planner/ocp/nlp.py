@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, Trajectory
-from ...problems import Scene
 from .assembly import Nlp, assemble
 from .problem import ThrowProblem, variable_bounds
 from .request import Request, Weights
@@ -202,17 +201,6 @@ def _constraints_of(request: Request) -> list[SceneConstraint]:
     return [constraint for kind in TERMS if (constraint := kind.of(request)) is not None]
 
 
-def _sticking_limit(scene: Scene) -> float:
-    """Largest use of the plain ellipsoid by the carried bar.
-
-    The NLP does not know other shapes of the limit surface: it keeps inside the largest plain
-    ellipsoid in them.
-    """
-    limit: float = 1.0 - scene.gripper.sticking_margin
-    shape = scene.patch.shape
-    return limit if shape is None else limit * min(shape.inscribed, 1.0)
-
-
 def _common_values(request: Request) -> dict[str, Any]:
     """Values of the parameters common to all throws."""
     scene, limits, target = request.scene, request.manipulator.planning, request.target
@@ -224,11 +212,11 @@ def _common_values(request: Request) -> dict[str, Any]:
         "bias_x": bias_x,
         "bias_theta": bias_theta,
         **vars(scene.body),
-        **scene.patch.numbers,
+        **vars(scene.patch),
         "gravity": scene.gravity,
         "grasp_angle": scene.grasp.angle,
         "full_grip": profile.full,
-        "sticking_limit": _sticking_limit(scene),
+        "sticking_limit": 1.0 - scene.gripper.sticking_margin,
         "interval": np.diff(nodes),
         "grip_force 0": profile.force(grip_instants(scene.mesh, nodes).ravel()),
         "epsilon": scene.mesh.epsilon,

@@ -31,7 +31,7 @@ def bound_of(scene: Scene, manipulator: Manipulator, target: Pose) -> Bound | No
     (x, z, reach), speed = _reach(scene, manipulator), _fastest(scene, manipulator)
     away = reach + speed * scene.gripper.profile().opening
     high, g = z + away, scene.gravity
-    if g <= 0.0 or scene.patch.shape is not None:
+    if g <= 0.0:
         return None
     top = high + speed**2 / (2 * g)
     if target.z > top:

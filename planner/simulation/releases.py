@@ -7,7 +7,7 @@ import pathlib
 import time
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -29,16 +29,18 @@ from ...models.release import (
     BATCH_MODELS,
     MODELS,
     SLIDING_PIVOT,
+    STEPPED_SURFACE,
     BatchRelease,
     Release,
     ReleaseBatch,
     ReleaseCase,
     ReleaseModel,
+    ShapedRelease,
 )
 from ...models.robot import Arm, PlanarArm, hand_motion
 from ...problems import InputError, Motion, Scene, checked
 from ...problems.files import plain
-from ...problems.scene_files import as_scene
+from ...problems.scene_files import as_scene, load_scene
 from ..throw import LandingPoint, case_of
 
 #: Largest angle [rad] between the arm's posture and a recorded joint that does not throw.
@@ -170,20 +172,24 @@ class Simulation:
 def simulate(scene: Scene | str | pathlib.Path, model: str = "all") -> dict[str, Simulation]:
     """The [motion] of a scene, built-in name or TOML file through a release model.
 
-    model: a name of MODELS, or 'all'.
+    model: a name of MODELS, or 'all'. With [contact] shape 'ls-step' is the only one.
     Raises InputError for a scene without a motion and for an unknown model.
     """
-    scene = as_scene(scene)
-    case = case_of(scene, given_hand(scene))
-    if model == "all":
-        return {name: _simulated(scene, known, case) for name, known in MODELS.items()}
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    case, shape, known = case_of(scene, given_hand(scene)), scene.contact.surface, MODELS
     names = f"all or one of {', '.join(MODELS)}"
-    return {model: _simulated(scene, named_model(model, MODELS, names), case)}
+    if shape is not None:
+        stepped = MODELS[STEPPED_SURFACE]
+        known = {stepped.name: replace(stepped, model=ShapedRelease(shape))}
+        names = f"all or {stepped.name}, which alone knows [contact] shape"
+    if model == "all":
+        return {name: _simulated(scene, known[name], case) for name in known}
+    return {model: _simulated(scene, named_model(model, known, names), case)}
 
 
 def _simulated(scene: Scene, model: ReleaseModel, case: ReleaseCase) -> Simulation:
     start = time.perf_counter()
-    release = model.with_pressure(scene.contact.points).release(case)
+    release = model.with_pressure(scene.contact.pressure).release(case)
     height = None if scene.target is None else scene.target.z
     land = None if height is None else LandingPoint.of(release, height, FlightLaw(scene.gravity))
     return Simulation(model.name, release, land, time.perf_counter() - start)
@@ -231,7 +237,7 @@ def simulate_batch(
     Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
     """
     scene = as_scene(scene)
-    chosen = named_model(model, BATCH_MODELS).with_pressure(scene.contact.points)
+    chosen = named_model(model, BATCH_MODELS).with_pressure(scene.contact.pressure)
     checked("steps", steps, int | None, {"least": 1, "most": MOST_STEPS})
     given = {"object": object or {}, "contact": contact or {}, "gripper": gripper or {}}
     batch = _batch(scene, hand or {}, **given)
@@ -251,7 +257,7 @@ def _batch(scene: Scene, hand: Mapping[str, Any], **given: Mapping[str, Any]) ->
     profile = scene.gripper.profile()
     usual = {
         "object": asdict(scene.body),
-        "contact": scene.patch.numbers,
+        "contact": asdict(scene.patch),
         "gripper": {"force": profile.full, "opening": profile.opening},
     }
     values = {section: _numbers(section, usual[section], given[section]) for section in usual}
@@ -277,7 +283,7 @@ def _batch(scene: Scene, hand: Mapping[str, Any], **given: Mapping[str, Any]) ->
     opening, force = full["gripper"]["opening"], full["gripper"]["force"]
     _check_cover(hands, opening)
     body = Body(**full["object"])
-    contact = Contact(**full["contact"], shape=scene.patch.shape)
+    contact = Contact(**full["contact"])
     gravity, angle = scene.gravity, scene.grasp.angle
     return ReleaseBatch(count, body, contact, profile, hands, opening, force, gravity, angle)
 

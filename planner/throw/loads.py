@@ -24,7 +24,7 @@ def friction_use(scene: Scene, hand: HandSamples) -> Array:
     """Use (K,) of the full grip's limit surface by a held bar; above 1 it slips."""
     wrench = held_wrench(scene.body, scene.gravity, hand.motion, scene.grasp.angle)
     full = scene.gripper.profile().full
-    use = scene.patch.utilisation_squared(*wrench, full, hand.pose[2])
+    use = scene.patch.utilisation_squared(*wrench, full)
     return np.asarray(np.sqrt(use))
 
 

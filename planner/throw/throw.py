@@ -23,7 +23,6 @@ from ...models.release import (
     ReleaseCase,
     exact_pivot_release,
     exact_surface_release,
-    shape_for_core,
 )
 from ...problems import InputError, Obstacle, Pose, Scene, checked
 from .loads import Torques, core_torques, load_steps, torques_of
@@ -344,7 +343,6 @@ def core_scene(scene: Scene, hand_error: float) -> SceneC:
         tool_length=-1.0,
         cup_radius=-1.0,
     )
-    found.attach(shape=shape_for_core(patch.shape))
     if bar.outline:
         found.parts = len(bar.outline)
         found.attach(outline=bar.capsules)

@@ -74,7 +74,7 @@ class _Loads:
     def slips(self, hand: HandMotion) -> Flags:
         """Flags (N,) of the bodies that need more than the full grip's friction."""
         wrench = self.wrench(hand)
-        use = self.contact.utilisation_squared(*wrench, self.full, hand.theta)
+        use = self.contact.utilisation_squared(*wrench, self.full)
         return np.asarray(use > 1.0)
 
     def bounds(self, hand: HandSamples) -> tuple[Array, Array, Array, Array]:
@@ -121,8 +121,6 @@ class MotionLimits:
         limit = loads.contact.force_limit(loads.full)
         force = (np.hypot(f_x, f_z) + off) / limit.min()
         use = np.hypot(force, torque / (limit * loads.contact.torsion_arm).min())
-        if loads.contact.shape is not None:
-            use = use / loads.contact.shape.inscribed
         until, slips = flights.opened, np.zeros(len(flights.late), bool)
         for k in np.flatnonzero((use > MEASURED_USE) & (hand.times < until.max())).tolist():
             slips |= loads.slips(_instant(hand, k)) & (hand.times[k] < until)

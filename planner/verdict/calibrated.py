@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ...problems import Calibration, Pose, Scene
 from ..throw import Throw
 from .findings import Code, Finding
@@ -110,11 +108,6 @@ def unlike_setup(known: Calibration, scene: Scene) -> Iterator[str]:
     for name, (here, there, unit) in pairs.items():
         if abs(here - there) > SAME * there:
             yield f"{name} is {here:.4g} {unit}".rstrip() + f", there {there:.4g} {unit}".rstrip()
-    own = scene.contact
-    if own.shape != known.shape:
-        yield f"[contact] shape is {own.shape or 'left out'}, there {known.shape or 'left out'}"
-    elif not np.allclose(own.coefficients, known.coefficients, rtol=SAME, atol=1e-6):
-        yield "[contact] coefficients differ from those there"
     if scene.tolerance.model != known.model:
         yield f"[tolerance] model is {scene.tolerance.model}, there {known.model}"
 

@@ -256,7 +256,6 @@ def test_warm_moving_and_followed_throws_have_the_bias_too():
         pytest.param({"rate": (5.0, 6.0)}, "turning rate", marks=pytest.mark.slow),
         ({"mass": 0.3}, "[object] mass"),
         ({"force": 100.0}, "[gripper] force"),
-        ({"shape": "two-points"}, "[contact] shape"),
         ({"model": "sp"}, "[tolerance] model"),
     ],
 )
@@ -383,9 +382,6 @@ def test_another_object_or_grip_is_refused(recorded, plans, tmp_path):
         tp.calibrate(path, scene)
     with pytest.raises(tp.InputError, match="force"):
         tp.calibrate(data, pose)
-    points = scene.replace(contact=dataclasses.replace(scene.contact, shape="two-points"))
-    with pytest.raises(tp.InputError, match="shape"):
-        tp.calibrate(data, points)
 
 
 @pytest.mark.parametrize(

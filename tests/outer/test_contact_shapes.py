@@ -1,15 +1,12 @@
-"""`[contact] shape` through the command line: simulated, planned, swept, identified, refused."""
+"""`[contact] shape` through the command line: simulated, and refused by all else."""
 
 from __future__ import annotations
 
-import csv
-import json
-import shutil
 from pathlib import Path
 
 import pytest
 import throwplan as tp
-from builders import MADE_PRODUCT, MADE_THROWS
+from builders import MADE_THROWS
 
 #: Lines of [contact] for each shape.
 LINES = {
@@ -18,8 +15,6 @@ LINES = {
     "[1.2, 0, 0, 2, 0, 2.5, 0, 0, 0, 0.1, 1, 0.2, 2, 0, 1]",
     "two-points": 'shape = "two-points"',
 }
-#: The quartic is the general one; `make test` takes it alone.
-SHAPES = ["quartic", *(pytest.param(s, marks=pytest.mark.slow) for s in LINES if s != "quartic")]
 
 
 def written(folder: Path, scene: str, lines: str) -> Path:
@@ -30,46 +25,59 @@ def written(folder: Path, scene: str, lines: str) -> Path:
     return path
 
 
-def test_two_points_are_simulated_as_the_patch_of_two_points(tmp_path, run) -> None:
-    path = written(tmp_path, "drop", LINES["two-points"])
-    found = run("simulate", path, "--json").json["models"]
-    turns = {name: found[name]["detach"]["omega"] for name in ("ls-step", "patch", "sp")}
-    assert turns["ls-step"] == pytest.approx(turns["patch"], abs=5e-4)
-    assert turns["sp"] == pytest.approx(-1.035, abs=0.02)  # it does not know the shape
-    assert turns["ls-step"] == pytest.approx(-1.0786, abs=1e-3)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("shape", LINES)
-def test_each_shape_is_thrown_and_swept(shape, tmp_path, run) -> None:
-    path = written(tmp_path, "pose", LINES[shape])
-    plan = run("plan", path, "--json", "--out", tmp_path / "out").json
-    assert plan["status"] == "solved"
-    error = plan["error"]["limit_surface"]
-    assert error["position"] < 2e-4 and error["angle"] < 1e-3
-    kept = json.loads((tmp_path / "out" / "plan.json").read_text())
-    assert f"'shape': '{shape}'" in str(kept)
-    swept = run("sweep", path, "--samples", "64", "--json").json
-    assert swept["model"] == "ls-step" and swept["held"]["rate"] == 1.0
-    assert swept["nominal"]["x"] == pytest.approx(plan["target"]["x"], abs=2e-4)
+def test_each_shape_is_simulated_by_the_limit_surface_alone(shape, tmp_path, run, refused) -> None:
+    path = written(tmp_path, "drop", LINES[shape])
+    found = run("simulate", path, "--out", tmp_path / "out", "--json").json["models"]
+    plain = tp.simulate("drop", "ls-step")["ls-step"].release.detach.omega
+    assert list(found) == ["ls-step"]
+    assert 1e-4 < abs(found["ls-step"]["detach"]["omega"] - plain) < 0.1
+    assert "ls-step" in refused("simulate", path, "--model", "patch")
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_each_shape_is_identified(shape, tmp_path, run) -> None:
-    """Throws by the shape are fitted by the shape: the product of friction and radius is found."""
-    folder = Path(shutil.copytree(MADE_THROWS, tmp_path / "made"))
-    head, table = folder / "dataset.toml", folder / "throws.csv"
-    head.write_text(f"{LINES[shape]}\n{head.read_text()}")
-    rows = list(csv.DictReader(table.read_text().splitlines()))[::10]
-    data = tp.load_throws(folder).picked(list(range(0, 90, 10)))
-    landings = tp.thrown(data, "ls-step", {"friction": 0.8, "patch_radius": 0.0031})
-    lines = [",".join(rows[0])]
-    for row, (x, theta) in zip(rows, landings.tolist(), strict=True):
-        lines.append(",".join((row | {"x": f"{x}", "theta": f"{theta}"}).values()))
-    table.write_text("\n".join(lines))
-    (found,) = json.loads(run("identify", folder, "--json", "--out", tmp_path / "fit").out)
-    assert found["fit"]["product"]["value"] == pytest.approx(MADE_PRODUCT, rel=0.02)
-    assert f'shape = "{shape}"' in (tmp_path / "fit" / "contact.toml").read_text()
+def test_of_two_points_the_one_on_the_com_s_side_slides_first(tmp_path, run) -> None:
+    """Section V-A of Liu and Billard: about the other point the weight's moment M g (h + c r_p) is
+    that of half the friction at a distance of 2 c r_p."""
+    path = written(tmp_path, "drop", LINES["two-points"])
+    (found,) = run("simulate", path, "--json").json["models"].values()
+    scene = tp.load_scene(path)
+    grip, contact, body = scene.gripper.profile(), scene.patch, scene.body
+    arm, weight = contact.torsion_arm, body.mass * scene.gravity
+    at_onset = float(contact.force_limit(grip.force(found["events"]["pivot"])))
+    assert arm * at_onset == pytest.approx(weight * (body.com_offset + arm), rel=1e-7)
+    assert found["detach"]["omega"] == pytest.approx(-1.0786, abs=1e-3)
+
+
+@pytest.mark.parametrize("command", ["plan", "sweep", "map", "prepare", "play", "scenes --draw"])
+def test_a_scene_to_plan_is_refused_with_a_shape(command, tmp_path, refused) -> None:
+    path = written(tmp_path, "pose", LINES["two-points"])
+    line = refused(*command.split(), path)
+    assert "mine.toml: [contact] shape = 'two-points': only `simulate`" in line
+
+
+def test_a_cycle_is_refused_with_a_shape(tmp_path, refused) -> None:
+    jobs = (Path(tp.__file__).parent / "problems" / "jobs").glob("*.toml")
+    text = min(jobs).read_text()
+    path = tmp_path / "jobs.toml"
+    pick = "[[pick]]\n"
+    path.write_text(text.replace(pick, f"{pick}contact = {{ shape = 'two-points' }}\n", 1))
+    assert "pick 1: [contact] shape = 'two-points': only `simulate`" in refused("cycle", path)
+
+
+def test_python_refuses_a_motion_with_a_shape_for_all_but_simulate(tmp_path) -> None:
+    path = written(tmp_path, "drop", LINES["quartic"])
+    data = tp.load_throws(MADE_THROWS)
+    for scene in (path, tp.load_scene(path)):
+        for call in (
+            tp.Planner,
+            tp.simulate_batch,
+            tp.reach_map,
+            lambda scene: tp.identify(data, prior=scene),
+            lambda scene: tp.calibrate(data, scene),
+        ):
+            with pytest.raises(tp.InputError, match=r"mine.toml: \[contact\] shape"):
+                call(scene)
+        assert set(tp.simulate(scene)) == {"ls-step"}
 
 
 @pytest.mark.parametrize(
@@ -83,5 +91,5 @@ def test_each_shape_is_identified(shape, tmp_path, run) -> None:
     ],
 )
 def test_a_shape_that_is_none_is_refused_in_one_line(lines, words, tmp_path, refused) -> None:
-    line = refused("plan", written(tmp_path, "pose", lines))
+    line = refused("simulate", written(tmp_path, "drop", lines))
     assert words in line and "[contact]" in line
