@@ -30,7 +30,7 @@ from throwplan.planner.throw import (
     make_manipulator,
     send,
 )
-from throwplan.planner.verdict import verdict
+from throwplan.planner.verdict import measures_of, verdict
 
 T = TypeVar("T")
 
@@ -178,7 +178,7 @@ def _thrown(
     if ((stop < manipulator.planning.q_min) | (stop > manipulator.planning.q_max)).any():
         return None
     throw = SentThrow.sent(scene.aimed_at(target), manipulator, motion, samples, at).sliding_pivot
-    if throw.grip_use > GRIP_USE or not np.isfinite(throw.landing.flight_time):
+    if measures_of(throw).value("grip")[0] > GRIP_USE or not np.isfinite(throw.landing.flight_time):
         return None
     theta = None if target.theta is None else throw.landing.theta
     pose = target.in_plane(throw.landing.x, theta)

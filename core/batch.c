@@ -38,12 +38,9 @@ INLINE void load(const batch *b, int64_t first, block *k)
     }
 }
 
-INLINE void store(const batch *b, const block *k, const lane com[6], const lane stray[2],
-                  const lane lost[1])
+INLINE void store(const batch *b, const block *k, const lane com[6], const lane lost[1])
 {
     EACH_LANE {
-        for (int i = 0; i < 2; i++)
-            b->stray[2 * k->throws[l] + i] = stray[i][l];
         for (int i = 0; i < 6; i++)
             b->detach[6 * k->throws[l] + i] = com[i][l];
         b->lost[k->throws[l]] = lost[0][l] != 0.0;
@@ -95,12 +92,12 @@ WIDE_CLONES EXPORT void sliding_pivot(const batch *b)
     for (int64_t first = 0; first < b->count; first += LANES) {
         block k;
         lane state[6], next[6], start[9], middle[9], end[9], force[3], dt[1], out[1], lost[1];
-        lane share, begun, time, inside, stray[2];
+        lane share, begun, time, inside;
         load(b, first, &k);
         for (int i = 0; i < 6; i++)
             EACH_LANE state[i][l] = 0.0;
         EACH_LANE state[2][l] = k.grasp[0][l];
-        EACH_LANE lost[0][l] = stray[0][l] = stray[1][l] = 0.0;
+        EACH_LANE lost[0][l] = 0.0;
         row_of(b, &k, b->shares, 0, share);
         EACH_LANE begun[l] = share[l] * k.opening[l];
         hands_at(b, &k, begun, end);
@@ -129,17 +126,10 @@ WIDE_CLONES EXPORT void sliding_pivot(const batch *b)
                 pivot_step(state, start, middle, end, force, dt, k.law, next);
             copy_lanes(6, next, state);
             pivot_lost(state, k.law, out);
-            EACH_LANE {
-                double turned = fabs(state[2][l] - k.grasp[0][l]);
-                double slid = sqrt(state[0][l] * state[0][l] + state[1][l] * state[1][l]);
-                slid += fabs(k.law[2][l]) * turned;
-                stray[0][l] = slid > stray[0][l] ? slid : stray[0][l];
-                stray[1][l] = turned > stray[1][l] ? turned : stray[1][l];
-                lost[0][l] = lost[0][l] + out[0][l];
-            }
+            EACH_LANE lost[0][l] = lost[0][l] + out[0][l];
         }
         pivot_end(state, end, k.law, next);
-        store(b, &k, next, stray, lost);
+        store(b, &k, next, lost);
     }
 }
 
@@ -148,13 +138,13 @@ WIDE_CLONES EXPORT void limit_surface(const batch *b)
     for (int64_t first = 0; first < b->count; first += LANES) {
         block k;
         lane state[6], next[6], start[9], end[9], force[1], dt[1], lost[1], share, begun;
-        lane problem[10], found[5], held[1], stray[2];
+        lane problem[10], found[5], held[1];
         load(b, first, &k);
         row_of(b, &k, b->shares, 0, share);
         EACH_LANE begun[l] = share[l] * k.opening[l];
         hands_at(b, &k, begun, end);
         surface_start(end, k.grasp, k.law, state);
-        EACH_LANE lost[0][l] = stray[0][l] = stray[1][l] = 0.0;
+        EACH_LANE lost[0][l] = 0.0;
         for (int64_t s = 0; s < b->steps; s++) {
             copy_lanes(9, end, start);
             row_of(b, &k, b->shares, 2 * s + 2, share);
@@ -167,15 +157,7 @@ WIDE_CLONES EXPORT void limit_surface(const batch *b)
             solve_impulse(problem, found, held);
             surface_after(state, start, end, problem, found, held, dt, k.law, next);
             copy_lanes(6, next, state);
-            EACH_LANE {
-                double held_at = end[2][l] + k.grasp[0][l], turned = fabs(state[2][l] - held_at);
-                double x = state[0][l] - end[0][l] - k.law[2][l] * cos(held_at);
-                double z = state[1][l] - end[1][l] - k.law[2][l] * sin(held_at);
-                double slid = sqrt(x * x + z * z);
-                stray[0][l] = slid > stray[0][l] ? slid : stray[0][l];
-                stray[1][l] = turned > stray[1][l] ? turned : stray[1][l];
-            }
         }
-        store(b, &k, state, stray, lost);
+        store(b, &k, state, lost);
     }
 }

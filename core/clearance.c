@@ -4,22 +4,27 @@
    samples explain, so a clearance that is kept is kept at every instant. One instant at a time. */
 #define LANES 1
 #include <stdlib.h>
+#include "course.h"
 #include "functions.h"
-#include "throw.h"
 
 /* Intervals of so many samples are looked at sample by sample. */
 #define STRIDE 8
 #define NONE 1e-12
 #define ROUNDING 1e-6
 
-/* Bodies that move together at n times: the links' angles; how far these have turned, and the bar
-   moved, at most; whether a sample is placed: joints with their angles' cosines and sines, the bar's
-   CoM and angle. Or else, given, and not written: ends [body][2][3][n] of the bodies, and how far each has moved
-   [body][n]. */
+/* Bodies that move together at n instants. Of a throw: `before` instants of the track's own, then `ticks` of the
+   course from tick `first` on, then own ones again. Own instants have times, the links' angles, how far these
+   have turned, joints as in a course, and how far the object has moved. far: from the object's CoM to where its
+   axes end; cosine, sine: of its angle on the hand. Of bodies that are given: ends [body][2][3][n], and how far
+   each has moved [body][n]. */
 typedef struct {
-    int64_t n, flying, bar, carried;
-    double *time, *angle, *turned, *moved, *placed, *joint, *com;
-    const double *ends;
+    const course *c;
+    const thrown *s;
+    int64_t n, first, before, ticks, flying, bar;
+    double far, cosine, sine;
+    double *time, *angle, *turned, *joint, *moved;
+    const double *com; /* [4] of own instants while the pads open: time and pose */
+    const double *times, *ends;
     double *travel;
 } track;
 
@@ -108,60 +113,129 @@ static double from_solid(const segment *s, const solid *b)
     return sqrt(dot(off, off)) - b->radius;
 }
 
-/* The arm at sample k; the hand there. */
-static void place_arm(const throw *t, const track *on, int64_t k, double hand[3])
+/* The tick of instant k; below 0 for one of the track's own, which is -1 less its number. */
+static int64_t tick_of(const track *on, int64_t k)
 {
-    const linkage *a = t->arm;
-    const double *angle = on->angle + k * a->n;
-    if (!a->arm) {
-        hand[0] = angle[0];
-        hand[1] = angle[1];
-        hand[2] = a->n > 2 ? angle[2] : a->theta;
-        return;
-    }
-    hand[0] = a->x;
-    hand[1] = a->z;
-    for (int64_t i = 0; i < a->n; i++) {
-        double *j = on->joint + 4 * (k * a->n + i);
-        j[0] = hand[0];
-        j[1] = hand[1];
-        j[2] = cos(angle[i]);
-        j[3] = sin(angle[i]);
-        hand[0] += a->along[i] * j[2] - a->up[i] * j[3];
-        hand[1] += a->along[i] * j[3] + a->up[i] * j[2];
-    }
-    hand[2] = a->theta + angle[a->n - 1];
+    int64_t tick = on->first + k - on->before;
+    if (k < on->before)
+        return -1 - k;
+    if (k >= on->before + on->ticks)
+        return -1 - (k - on->ticks);
+    return tick < on->c->ticks ? tick : on->c->ticks - 1;
 }
 
-/* CoM and angle of the bar at sample k. */
-static void bar_at(const throw *t, const bodies *all, const track *on, int64_t k, double com[3])
+static double time_at(const track *on, int64_t k)
 {
+    if (on->ends)
+        return on->times[k];
+    if (k < on->before || k >= on->before + on->ticks)
+        return on->time[k < on->before ? k : k - on->ticks];
+    return on->c->t->tick * (double)(on->first + k - on->before);
+}
+
+/* CoM and angle of the object at instant k. */
+static void object_at(const track *on, int64_t k, double com[3])
+{
+    const course *c = on->c;
+    const thrown *s = on->s;
+    int64_t tick = tick_of(on, k);
     if (on->flying) {
-        flight_pose(t->start, on->time[k] - t->detach, t->around->gravity, com);
-    } else if (k >= on->carried) {
+        flight_pose(s->start, time_at(on, k) - s->detach, c->t->around->gravity, com);
+    } else if (tick < 0) {
         for (int i = 0; i < 3; i++)
-            com[i] = t->com[i * t->nodes + k - on->carried];
+            com[i] = on->com[4 * (-1 - tick) + 1 + i];
     } else {
-        double hand[3];
-        place_arm(t, on, k, hand);
-        com[2] = hand[2] + all->grasp_angle;
-        com[0] = hand[0] + t->error[0] + all->com_offset * cos(com[2]);
-        com[1] = hand[1] + t->error[1] + all->com_offset * sin(com[2]);
+        com[2] = c->hand[2][tick] + s->angle;
+        double cosine = c->cosine[tick] * on->cosine - c->sine[tick] * on->sine;
+        double sine = c->sine[tick] * on->cosine + c->cosine[tick] * on->sine;
+        com[0] = c->hand[0][tick] + s->error[0] + s->com_offset * cosine;
+        com[1] = c->hand[1][tick] + s->error[1] + s->com_offset * sine;
     }
 }
 
-/* Places sample k. */
-static void place(const throw *t, const bodies *all, const track *on, int64_t k)
+/* Joints of an arm at coordinates q, as in a course, and its links' angles. */
+static void place_arm(const linkage *a, const double *q, double *joint, double *angle)
 {
-    double hand[3];
-    on->placed[k] = 1.0;
-    place_arm(t, on, k, hand);
-    if (on->bar)
-        bar_at(t, all, on, k, on->com + 3 * k);
+    double x = a->x, z = a->z, turned = 0.0;
+    for (int64_t i = 0; i < a->n; i++, joint += 4) {
+        angle[i] = turned += a->sign[i] * q[i];
+        joint[0] = x;
+        joint[1] = z;
+        joint[2] = cos(turned);
+        joint[3] = sin(turned);
+        x += a->along[i] * joint[2] - a->up[i] * joint[3];
+        z += a->along[i] * joint[3] + a->up[i] * joint[2];
+    }
+}
+
+/* A joint of the arm at instant k: place, cosine and sine of its link's angle. */
+static const double *joint_at(const track *on, int64_t k, int64_t link)
+{
+    int64_t tick = tick_of(on, k), n = on->c->t->arm->n;
+    return tick < 0 ? on->joint + 4 * ((-1 - tick) * n + link) : on->c->joint + 4 * (tick * n + link);
+}
+
+/* Part of the object at a pose of its CoM; behind [m]: the CoM, from its first end. */
+static segment part_at(const bodies *all, int64_t number, const double com[3], double behind)
+{
+    segment s;
+    double c = cos(com[2]), d = sin(com[2]), ahead = all->length - behind;
+    const double *part = all->outline;
+    if (!part)
+        return (segment){{com[0] - behind * c, 0.0, com[1] - behind * d},
+                         {com[0] + ahead * c, 0.0, com[1] + ahead * d}};
+    part += 5 * number;
+    for (int e = 0; e < 2; e++, part += 2) {
+        double along = part[0] - behind, *at = e ? s.end : s.begin;
+        at[0] = com[0] + along * c - part[1] * d;
+        at[1] = 0.0;
+        at[2] = com[1] + along * d + part[1] * c;
+    }
+    return s;
+}
+
+/* A link with its joint, NULL for one that stands still. */
+static segment link_at(const bodies *all, int64_t body, const double *j)
+{
+    segment s;
+    const double *place = all->places + 6 * body;
+    for (int e = 0; e < 2; e++, place += 3) {
+        double *at = e ? s.end : s.begin;
+        at[0] = j ? j[0] + place[0] * j[2] - place[2] * j[3] : place[0];
+        at[1] = place[1];
+        at[2] = j ? j[1] + place[0] * j[3] + place[2] * j[2] : place[2];
+    }
+    return s;
+}
+
+/* How far the object's axes reach from its CoM. */
+static double far_of(const bodies *all, double behind)
+{
+    double far = fmax(behind, all->length - behind);
+    for (int64_t i = 0; all->outline && i < 2 * all->bar; i++) {
+        const double *end = all->outline + 5 * (i / 2) + 2 * (i % 2);
+        far = fmax(far, length(end[0] - behind, end[1]));
+    }
+    return far;
+}
+
+static double turned_at(const track *on, int64_t k, int64_t link)
+{
+    int64_t tick = tick_of(on, k), n = on->c->t->arm->n;
+    return tick < 0 ? on->turned[(-1 - tick) * n + link] : on->c->turned[tick * n + link];
+}
+
+/* How far the carried object has moved until instant k, at most. */
+static double moved_until(const track *on, int64_t k)
+{
+    int64_t tick = tick_of(on, k);
+    if (tick < 0)
+        return on->moved[-1 - tick];
+    return on->c->way[tick] + on->c->spun[tick] * (fabs(on->s->com_offset) + on->far);
 }
 
 /* A body at sample k. */
-static segment body_at(const throw *t, const bodies *all, const track *on, int64_t body, int64_t k)
+static segment body_at(const bodies *all, const track *on, int64_t body, int64_t k)
 {
     segment s;
     if (on->ends) {
@@ -171,54 +245,37 @@ static segment body_at(const throw *t, const bodies *all, const track *on, int64
         }
         return s;
     }
-    if (on->placed[k] == 0.0)
-        place(t, all, on, k);
     if (body >= all->links) {
-        const double *com = on->com + 3 * k, *part = all->outline;
-        double c = cos(com[2]), d = sin(com[2]);
-        if (!part)
-            return (segment){{com[0] - all->behind * c, 0.0, com[1] - all->behind * d},
-                             {com[0] + all->ahead * c, 0.0, com[1] + all->ahead * d}};
-        part += 5 * (body - all->links);
-        for (int e = 0; e < 2; e++, part += 2) {
-            double along = part[0] - all->behind, *at = e ? s.end : s.begin;
-            at[0] = com[0] + along * c - part[1] * d;
-            at[1] = 0.0;
-            at[2] = com[1] + along * d + part[1] * c;
-        }
-        return s;
+        double com[3];
+        object_at(on, k, com);
+        return part_at(all, body - all->links, com, on->s->behind);
     }
-    const double *place = all->places + 6 * body;
-    int64_t link = all->moved_by[body];
-    for (int e = 0; e < 2; e++, place += 3) {
-        double *at = e ? s.end : s.begin;
-        at[0] = place[0];
-        at[1] = place[1];
-        at[2] = place[2];
-        if (link < 0)
-            continue;
-        const double *j = on->joint + 4 * (k * t->arm->n + link);
-        at[0] = j[0] + place[0] * j[2] - place[2] * j[3];
-        at[2] = j[1] + place[0] * j[3] + place[2] * j[2];
-    }
-    return s;
+    return link_at(all, body, all->moved_by[body] < 0 ? NULL : joint_at(on, k, all->moved_by[body]));
 }
 
-/* How far a body may have moved since the first sample. */
-static double travelled(const throw *t, const bodies *all, const track *on, int64_t body, int64_t k)
+/* How far a body may move from one instant to another. */
+static double travelled(const bodies *all, const track *on, int64_t body, int64_t first, int64_t last)
 {
     if (on->ends)
-        return on->travel[body * on->n + k];
+        return on->travel[body * on->n + last] - on->travel[body * on->n + first];
+    const course *c = on->c;
+    if (body >= all->links && on->flying) {
+        /* The speed of a body in free fall is convex. */
+        const double *v = on->s->start + 3, g = c->t->around->gravity;
+        double since = time_at(on, first) - on->s->detach, until = time_at(on, last) - on->s->detach;
+        double mean = (length(v[0], v[1] - g * since) + length(v[0], v[1] - g * until)) / 2.0;
+        return (until - since) * (mean + on->far * fabs(v[2]));
+    }
     if (body >= all->links)
-        return on->moved[k];
-    const linkage *a = t->arm;
+        return moved_until(on, last) - moved_until(on, first);
     double sum = 0.0;
     const double *p = all->places + 6 * body;
+    const linkage *a = c->t->arm;
     for (int64_t i = 0; i <= all->moved_by[body]; i++) {
         double far = length(a->along[i], a->up[i]);
         if (i == all->moved_by[body])
             far = fmax(length(p[0], p[2]), length(p[3], p[5]));
-        sum += far * on->turned[k * a->n + i];
+        sum += far * (turned_at(on, last, i) - turned_at(on, first, i));
     }
     return sum;
 }
@@ -236,7 +293,6 @@ static double step_of(const segment *a, const segment *b)
 /* What may come too near: a body to a solid, or (NULL) to another body. lands [m]: as near to the
    solid a bar that flies may come in the end, infinite for others. */
 typedef struct {
-    const throw *throw;
     const bodies *all;
     const track *on;
     int64_t body, other;
@@ -246,10 +302,10 @@ typedef struct {
 
 static double distance_at(const pair *p, int64_t k, segment *one, segment *other)
 {
-    *one = body_at(p->throw, p->all, p->on, p->body, k);
+    *one = body_at(p->all, p->on, p->body, k);
     if (p->from)
         return from_solid(one, p->from);
-    *other = body_at(p->throw, p->all, p->on, p->other, k);
+    *other = body_at(p->all, p->on, p->other, k);
     return between_segments(one, other);
 }
 
@@ -258,7 +314,7 @@ static double distance_at(const pair *p, int64_t k, segment *one, segment *other
 static double needed_at(const pair *p, int64_t k, double step)
 {
     const track *on = p->on;
-    if (p->lands == INFINITY || on->time[k] <= on->time[on->n - 1] - p->all->landing)
+    if (p->lands == INFINITY || time_at(on, k) <= time_at(on, on->n - 1) - p->all->landing)
         return p->needed;
     return fmin(p->lands, p->needed) - step;
 }
@@ -269,13 +325,13 @@ static void look_closely(pair *p, int64_t k, int64_t last)
     segment a, b = {{0}, {0}}, c, d = {{0}, {0}};
     double near = distance_at(p, k, &a, &b), left = p->needed;
     for (int64_t i = k; i <= last; i++) {
-        segment before = body_at(p->throw, p->all, p->on, p->body, i ? i - 1 : 0);
+        segment before = body_at(p->all, p->on, p->body, i ? i - 1 : 0);
         double here = distance_at(p, i, &c, &d), least = needed_at(p, i, step_of(&before, &c));
         double step = step_of(&a, &c) + (p->from ? 0.0 : step_of(&b, &d));
         double lack = fmax(left, least) - (near + here - step) / 2.0;
         if (i > k && lack > p->worst) {
             p->worst = lack;
-            p->when = p->on->time[i - 1];
+            p->when = time_at(p->on, i - 1);
         }
         a = c;
         b = d;
@@ -290,8 +346,7 @@ static void look_between(pair *p, int64_t first, double near, int64_t last, doub
     double way = 0.0;
     for (int i = 0; i < (p->from ? 1 : 2); i++) {
         int64_t body = i ? p->other : p->body;
-        way += travelled(p->throw, p->all, p->on, body, last)
-            - travelled(p->throw, p->all, p->on, body, first);
+        way += travelled(p->all, p->on, body, first, last);
     }
     if ((near + far - way) / 2.0 >= p->needed)
         return;
@@ -307,58 +362,17 @@ static void look_between(pair *p, int64_t first, double near, int64_t last, doub
 }
 
 /* What is missing of a distance at most. */
-static double missing(const throw *t, const bodies *all, const track *on, int64_t body,
-                      const solid *from, int64_t other, double needed, double *when)
+static double missing(const bodies *all, const track *on, int64_t body, const solid *from, int64_t other,
+                      double needed, double *when)
 {
     segment one, two;
-    pair p = {t, all, on, body, other, from, needed, INFINITY, -INFINITY, 0.0};
+    pair p = {all, on, body, other, from, needed, INFINITY, -INFINITY, 0.0};
     double near = distance_at(&p, 0, &one, &two), far = distance_at(&p, on->n - 1, &one, &two);
     if (from && on->flying && body >= all->links)
         p.lands = fmax(far, all->middle * all->radius[body]);
     look_between(&p, 0, near, on->n - 1, far);
     *when = p.when;
     return p.worst;
-}
-
-/* How far the object's axes reach from its CoM. */
-static double far_of(const bodies *all)
-{
-    double far = fmax(all->behind, all->ahead);
-    for (int64_t i = 0; all->outline && i < 2 * all->bar; i++) {
-        const double *end = all->outline + 5 * (i / 2) + 2 * (i % 2);
-        far = fmax(far, length(end[0] - all->behind, end[1]));
-    }
-    return far;
-}
-
-/* The angles of all samples, and what bounds the motion between them. */
-static void follow(const throw *t, const bodies *all, track *on)
-{
-    const linkage *a = t->arm;
-    int64_t piece = 0;
-    double far = far_of(all);
-    for (int64_t k = 0; k < on->n; k++) {
-        double q[AXES], angle = 0.0, moved = 0.0;
-        on->placed[k] = 0.0;
-        coordinates_at(t->motion, on->time[k], &piece, q);
-        for (int64_t i = 0; i < a->n; i++) {
-            int64_t at = k * a->n + i;
-            angle = a->arm ? angle + a->sign[i] * q[i] : q[i];
-            on->angle[at] = angle;
-            double turn = k ? fabs(angle - on->angle[at - a->n]) : 0.0;
-            on->turned[at] = turn + (k ? on->turned[at - a->n] : 0.0);
-            moved += turn * (a->arm ? length(a->along[i], a->up[i]) : i < 2 ? 1.0 : 0.0);
-            if (i == a->n - 1 && (a->arm || i == 2))
-                moved += turn * (fabs(all->com_offset) + far);
-        }
-        if (on->bar && k && k >= on->carried) {
-            double before[3], com[3];
-            bar_at(t, all, on, k - 1, before);
-            bar_at(t, all, on, k, com);
-            moved = length(com[0] - before[0], com[1] - before[1]) + far * fabs(com[2] - before[2]);
-        }
-        on->moved[k] = moved + (k ? on->moved[k - 1] : 0.0);
-    }
 }
 
 /* How many pairs of bodies have to keep clear of each other on a track. */
@@ -374,128 +388,107 @@ static double apart_of(const bodies *all, int64_t i)
     return all->radius[meet[0]] + all->radius[meet[1]] + all->apart[i];
 }
 
-/* Bodies of a track that are too near to something; how many are found. */
-static int64_t look(const throw *t, const bodies *all, const track *on, double number, contact *found)
+/* Bodies of a track, from `from` on, that are too near to something; how many are found. */
+static int64_t look(const bodies *all, const track *on, int64_t from, contact *found)
 {
     int64_t count = 0, bodies_here = all->links + on->bar;
+    double when, flying = on->flying;
     for (int64_t s = 0; s < all->solids; s++)
-        for (int64_t b = 0; b < bodies_here; b++) {
-            const solid *from = all->around + s;
-            if (b < all->links ? !all->moves[b] : !from->bar)
+        for (int64_t b = from; b < bodies_here; b++) {
+            const solid *solid = all->around + s;
+            if (b < all->links ? !all->moves[b] : !solid->bar)
                 continue;
-            double when, needed = all->radius[b] + from->clearance;
-            double lack = missing(t, all, on, b, from, 0, needed, &when);
+            double lack = missing(all, on, b, solid, 0, all->radius[b] + solid->clearance, &when);
             if (lack > ROUNDING)
-                found[count++] = (contact){number, (double)b, (double)s, lack, when};
+                found[count++] = (contact){(double)b, flying, (double)s, lack, when};
         }
     const int64_t *meet = all->meet;
     for (int64_t i = 0; i < pairs_on(all, on); i++, meet += 2) {
-        if (meet[1] >= bodies_here)
+        if (meet[1] >= bodies_here || meet[1] < from)
             continue;
-        double when, needed = apart_of(all, i);
-        double lack = missing(t, all, on, meet[1], NULL, meet[0], needed, &when);
+        double lack = missing(all, on, meet[1], NULL, meet[0], apart_of(all, i), &when);
         if (lack > ROUNDING)
-            found[count++] = (contact){number, (double)meet[1], (double)(-1 - meet[0]), lack, when};
+            found[count++] = (contact){(double)meet[1], flying, (double)(-1 - meet[0]), lack, when};
     }
     return count;
 }
 
-/* Room for a track of `most` samples; NULL without memory. */
-static double *room_for(track *on, int64_t most)
+int64_t near_arm(const course *c, contact *found)
 {
-    const int64_t each[] = {1, AXES, AXES, 1, 1, 4 * AXES, 3};
-    int64_t all_of = 0;
-    for (int i = 0; i < 7; i++)
-        all_of += each[i];
-    double *room = malloc(sizeof(double) * (size_t)(most * all_of)), *next = room;
-    double **parts[]
-        = {&on->time, &on->angle, &on->turned, &on->moved, &on->placed, &on->joint, &on->com};
-    for (int i = 0; room && i < 7; next += most * each[i++])
-        *parts[i] = next;
-    return room;
+    if (!c->t->arm->arm)
+        return 0;
+    track on = {.c = c, .n = c->ticks, .ticks = c->ticks};
+    return look(c->t->bodies, &on, 0, found);
 }
 
-/* The track from detach to the landing. */
-static void follow_flight(const throw *t, const bodies *all, track *on)
+/* Places the arm at `count` instants of a track's own; each has the tick `beside` it. */
+static void place_own(track *on, int64_t count, const int64_t *beside)
 {
-    on->n = (int64_t)ceil(t->flight / t->tick) + 1;
-    on->flying = 1;
-    on->bar = all->bar;
-    on->carried = 0;
-    for (int64_t k = 0; k < on->n; k++)
-        on->time[k] = t->detach + (on->n > 1 ? t->flight * (double)k / (double)(on->n - 1) : 0.0);
-    follow(t, all, on);
+    const linkage *a = on->c->t->arm;
+    int64_t piece = 0;
+    for (int64_t k = 0; k < count && a->arm; k++) {
+        double q[AXES], *angle = on->angle + k * a->n;
+        coordinates_at(on->c->t->motion, on->time[k], &piece, q);
+        place_arm(a, q, on->joint + 4 * k * a->n, angle);
+        for (int64_t i = 0; i < a->n && beside; i++) {
+            int64_t there = beside[k] * a->n + i;
+            double turn = fabs(angle[i] - on->c->angle[there]);
+            on->turned[k * a->n + i] = on->c->turned[there] + (k ? turn : -turn);
+        }
+    }
 }
 
-CLONES EXPORT int64_t near_bodies(const throw *t, const bodies *all, contact *found)
+int64_t near_object(const course *c, const thrown *s, int64_t nodes, const double *rows, contact *found)
 {
-    int64_t count = 0;
-    double until = t->motion->breaks[t->motion->pieces], lands = t->detach + t->flight;
-    int64_t carried = (int64_t)ceil(t->opening / t->tick), flown = (int64_t)ceil(t->flight / t->tick) + 1;
-    int64_t rests = t->arm->arm && until > lands ? (int64_t)ceil((until - lands) / t->tick) + 1 : 0;
-    carried = carried > 0 ? carried : 0;
-    int64_t most = carried + t->nodes > flown ? carried + t->nodes : flown;
-    most = rests > most ? rests : most;
-    track on = {.n = carried + t->nodes, .bar = all->bar, .carried = carried};
-    double *room = room_for(&on, most);
+    const bodies *all = c->t->bodies;
+    const double tick = c->t->tick, lands = s->detach + s->flight;
+    int64_t n = c->t->arm->n, own = nodes > 2 ? nodes : 2, count;
+    double *room = malloc(sizeof(double) * (size_t)(own * (2 + 6 * n)));
     if (!room)
         return -1;
-    for (int64_t k = 0; k < on.n; k++)
-        on.time[k] = k < carried ? (double)k * t->tick : t->times[k - carried];
-    follow(t, all, &on);
-    count += look(t, all, &on, 0.0, found);
-    follow_flight(t, all, &on);
-    count += look(t, all, &on, 1.0, found + count);
-    if (rests > 1) {
-        on.n = rests;
-        on.flying = on.bar = 0;
-        for (int64_t k = 0; k < rests; k++)
-            on.time[k] = k < rests - 1 ? lands + (double)k * t->tick : until;
-        follow(t, all, &on);
-        count += look(t, all, &on, 2.0, found + count);
+    int64_t carried = (int64_t)fmax(ceil(s->opening / tick), 0.0);
+    carried = carried < c->ticks ? carried : c->ticks;
+    track on = {.c = c, .s = s, .n = carried + nodes, .ticks = carried, .bar = all->bar, .com = rows};
+    on.far = far_of(all, s->behind);
+    on.cosine = cos(s->angle);
+    on.sine = sin(s->angle);
+    on.time = room;
+    on.moved = room + own;
+    on.angle = room + 2 * own;
+    on.turned = on.angle + n * own;
+    on.joint = on.turned + n * own;
+    for (int64_t k = 0; k < nodes; k++)
+        on.time[k] = rows[4 * k];
+    place_own(&on, nodes, NULL);
+    for (int64_t k = 0; k < nodes; k++) {
+        double com[3], before[3];
+        int64_t at = carried + k;
+        for (int64_t i = 0; i < n; i++)
+            on.turned[k * n + i] = !at || !c->t->arm->arm ? 0.0
+                : turned_at(&on, at - 1, i) + fabs(on.angle[k * n + i]
+                    - (k ? on.angle[(k - 1) * n + i] : c->angle[(carried - 1) * n + i]));
+        on.moved[k] = 0.0;
+        if (!at)
+            continue;
+        object_at(&on, at - 1, before);
+        object_at(&on, at, com);
+        on.moved[k] = moved_until(&on, at - 1) + length(com[0] - before[0], com[1] - before[1])
+            + on.far * fabs(com[2] - before[2]);
     }
+    count = on.n ? look(all, &on, all->links, found) : 0;
+    int64_t first = (int64_t)floor(s->detach / tick) + 1, last = (int64_t)ceil(lands / tick) - 1;
+    int64_t beside[2] = {first < c->ticks ? first : c->ticks - 1, last < c->ticks ? last : c->ticks - 1};
+    on.first = first;
+    on.before = 1;
+    on.ticks = last >= first ? last - first + 1 : 0;
+    on.n = on.ticks + 2;
+    on.flying = 1;
+    on.time[0] = s->detach;
+    on.time[1] = lands;
+    place_own(&on, 2, beside);
+    count += look(all, &on, all->links, found + count);
     free(room);
     return count;
-}
-
-CLONES EXPORT int64_t near_flights(const throw *shared, const bodies *all, int64_t count,
-                                   const flown_sample *flights, double *missed)
-{
-    int64_t most = 2;
-    for (int64_t k = 0; k < count; k++) {
-        int64_t n = (int64_t)ceil(flights[k].flight / shared->tick) + 1;
-        most = n > most ? n : most;
-    }
-    track on = {0};
-    double *room = room_for(&on, most);
-    if (!room)
-        return 1;
-    for (int64_t k = 0; k < count; k++) {
-        scene around;
-        bodies here = *all;
-        throw t = throw_of(shared, flights + k, &around);
-        double when, worst = -INFINITY;
-        here.behind = around.behind;
-        here.ahead = around.ahead;
-        follow_flight(&t, &here, &on);
-        for (int64_t s = 0; s < all->solids; s++) {
-            const solid *from = all->around + s;
-            for (int64_t b = all->links; from->bar && b < all->links + all->bar; b++) {
-                double needed = all->radius[b] + from->clearance;
-                worst = fmax(worst, missing(&t, &here, &on, b, from, 0, needed, &when));
-            }
-        }
-        const int64_t *meet = all->meet;
-        for (int64_t i = 0; i < all->pairs; i++, meet += 2) {
-            double needed = apart_of(all, i);
-            if (meet[1] >= all->links)
-                worst = fmax(worst,
-                             missing(&t, &here, &on, meet[1], NULL, meet[0], needed, &when));
-        }
-        missed[k] = worst;
-    }
-    free(room);
-    return 0;
 }
 
 CLONES EXPORT int64_t near_track(const bodies *all, int64_t n, int64_t bar, int64_t flying,
@@ -503,15 +496,15 @@ CLONES EXPORT int64_t near_track(const bodies *all, int64_t n, int64_t bar, int6
 {
     int64_t count = all->links + bar;
     double *travel = malloc(sizeof(double) * (size_t)(n * count + 1));
-    track on = {.n = n, .flying = flying, .bar = bar, .time = (double *)times, .ends = ends, .travel = travel};
+    track on = {.n = n, .flying = flying, .bar = bar, .times = times, .ends = ends, .travel = travel};
     if (!travel)
         return -1;
     for (int64_t b = 0; b < count; b++)
         for (int64_t k = 0; k < n; k++) {
-            segment here = body_at(NULL, all, &on, b, k), last = body_at(NULL, all, &on, b, k ? k - 1 : 0);
+            segment here = body_at(all, &on, b, k), last = body_at(all, &on, b, k ? k - 1 : 0);
             travel[b * n + k] = step_of(&last, &here) + (k ? travel[b * n + k - 1] : 0.0);
         }
-    count = look(NULL, all, &on, 0.0, found);
+    count = look(all, &on, 0, found);
     free(travel);
     return count;
 }
@@ -528,29 +521,29 @@ static void room_of(pair *p, double *room)
     }
 }
 
-CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flying, int64_t alone,
+CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flying,
                          const double *times, const double *ends, double *room)
 {
-    track on = {.n = n, .flying = flying, .bar = bar, .time = (double *)times, .ends = ends};
+    track on = {.n = n, .flying = flying, .bar = bar, .times = times, .ends = ends};
     segment one;
     for (int64_t k = 0; k < n; k++)
         room[k] = INFINITY;
     for (int64_t s = 0; s < all->solids; s++)
-        for (int64_t b = alone ? all->links : 0; b < all->links + bar; b++) {
+        for (int64_t b = 0; b < all->links + bar; b++) {
             const solid *from = all->around + s;
             if (b < all->links ? !all->moves[b] : !from->bar)
                 continue;
-            pair p = {NULL, all, &on, b, 0, from, all->radius[b] + from->clearance, INFINITY, 0.0, 0.0};
-            if (flying && !alone && b >= all->links && n)
+            pair p = {all, &on, b, 0, from, all->radius[b] + from->clearance, INFINITY, 0.0, 0.0};
+            if (flying && b >= all->links && n)
                 p.lands = fmax(distance_at(&p, n - 1, &one, NULL), all->middle * all->radius[b]);
             room_of(&p, room);
         }
     const int64_t *meet = all->meet;
     for (int64_t i = 0; i < pairs_on(all, &on); i++, meet += 2) {
-        if (meet[1] >= all->links + bar || (alone && meet[1] < all->links))
+        if (meet[1] >= all->links + bar)
             continue;
         double needed = apart_of(all, i);
-        pair p = {NULL, all, &on, meet[1], meet[0], NULL, needed, INFINITY, 0.0, 0.0};
+        pair p = {all, &on, meet[1], meet[0], NULL, needed, INFINITY, 0.0, 0.0};
         room_of(&p, room);
     }
 }
@@ -558,25 +551,16 @@ CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flyi
 CLONES EXPORT int64_t overlaps(int64_t count, const linkage *arm, const bodies *all, const double *q,
                                const double *com, double *deepest)
 {
-    double angle[AXES], joint[4 * AXES], placed = 1.0, hand[3], pose[3];
-    int64_t links = all->links;
+    int64_t links = all->links, bar = com ? all->bar : 0;
     segment *ends = malloc(sizeof(segment) * (size_t)(links + all->bar));
     double *middle = malloc(sizeof(double) * 4 * (size_t)(links + all->bar));
-    throw t = {0};
-    track on = {.n = 1, .bar = com ? all->bar : 0};
-    t.arm = arm;
-    on.angle = angle;
-    on.joint = joint;
-    on.placed = &placed;
-    on.com = pose;
     for (int64_t k = 0; ends && middle && k < count; k++, q += arm->n) {
-        for (int64_t i = 0; i < arm->n; i++)
-            angle[i] = (i ? angle[i - 1] : 0.0) + arm->sign[i] * q[i];
-        place_arm(&t, &on, 0, hand);
-        for (int i = 0; com && i < 3; i++)
-            pose[i] = com[3 * k + i];
-        for (int64_t b = 0; b < links + on.bar; b++) {
-            ends[b] = body_at(&t, all, &on, b, 0);
+        double joint[4 * AXES], angle[AXES];
+        place_arm(arm, q, joint, angle);
+        for (int64_t b = 0; b < links + bar; b++) {
+            int64_t by = b < links ? all->moved_by[b] : -1;
+            ends[b] = b < links ? link_at(all, b, by < 0 ? NULL : joint + 4 * by)
+                                : part_at(all, b - links, com + 3 * k, all->behind);
             double half = 0.0, *m = middle + 4 * b;
             for (int i = 0; i < 3; i++) {
                 double e = (ends[b].end[i] - ends[b].begin[i]) / 2.0;
@@ -588,7 +572,7 @@ CLONES EXPORT int64_t overlaps(int64_t count, const linkage *arm, const bodies *
         double most = -INFINITY;
         const int64_t *meet = all->meet;
         for (int64_t p = 0; p < all->pairs; p++, meet += 2) {
-            if (meet[1] >= links + on.bar)
+            if (meet[1] >= links + bar)
                 continue;
             /* No nearer than the balls around both. */
             const double *a = middle + 4 * meet[0], *b = middle + 4 * meet[1];

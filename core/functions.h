@@ -10,7 +10,7 @@
 
 #include "structures.h"
 
-/* Batches of releases (batch.c): detach, stray and lost of `b` are written. */
+/* Batches of releases (batch.c): detach and lost of `b` are written. */
 EXPORT void sliding_pivot(const batch *b);
 EXPORT void limit_surface(const batch *b);
 
@@ -44,8 +44,8 @@ EXPORT void surface_steps(const release *r, int64_t steps,
 EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t count,
                              const double *numbers, /* [count][12] law, angle, delay, turning, opening [s] */
                              double *detach, /* [count][6] CoM's pose and twist; not finite: blown up */
-                             double *stray,  /* [count][2] largest distance of the CoM [m] and angle [rad] from
-                                                a body that the pads hold, at the nodes */
+                             int64_t kept,   /* nodes that are kept, the first and the last among them; at least 2 */
+                             double *track,  /* [count][kept][4] time [s] from the opening's start, CoM's pose */
                              int64_t *lost   /* [count] whether the body left the pads before the end */
 );
 
@@ -97,17 +97,17 @@ EXPORT void velocity_limits(const limits *m, int64_t n, int64_t count,
                             double *high     /* [count][n] per s */
 );
 
-/* Instants before `until` [s] at which the grip is looked at along a motion, every `step` [s] at least; how
-   many there are. The first `room` of them are written. */
-EXPORT int64_t grip_instants(const path *motion, double step, double until, int64_t room,
-                             double *times /* [room] s, NULL to count them only */
+/* Measures throws of a motion; not 0 without memory. */
+EXPORT int64_t measure_throws(const throws *t, int64_t count,
+                              const thrown *each,  /* [count] */
+                              int64_t nodes,
+                              const double *track, /* [count][nodes][4] s on the motion's clock, CoM's pose while
+                                                      the pads open */
+                              measured *found,     /* [count] */
+                              int64_t room,        /* for things too near, of each throw */
+                              contact *near,       /* [count][room] */
+                              int64_t *nears       /* [count] how many there are */
 );
-
-/* Largest use of the full grip from rest to the opening, 1 is the limit. Its release is not read. */
-EXPORT double grip_use(const throw *t);
-
-/* Everything that a verdict on one throw measures. */
-EXPORT void measure(const throw *t, measured *m);
 
 /* Signed distances of the scene's bar from its base column, negative inside; infinite out of reach. */
 EXPORT void column_distances(const scene *s, int64_t count,
@@ -134,25 +134,6 @@ EXPORT void cup_entries(const scene *s, int64_t count,
                         double *found         /* [count] m */
 );
 
-/* Many flights of one motion. found: least distance [m] from the column (infinite where the reference says
-   that it is not near), when the bar is too near to the palm at first [s after detach], clearance in the cup
-   [m], whether any body may be near. */
-EXPORT void measure_flights(const throw *shared, const reference *r, int64_t count,
-                            const flown_sample *flights, /* [count] */
-                            double *found                /* [count][4] */
-);
-
-/* All that comes too near to anything in a throw; how many there are, -1 without memory. */
-EXPORT int64_t near_bodies(const throw *t, const bodies *all,
-                           contact *found /* [3 * (all->solids * (all->links + all->bar) + all->pairs)] */
-);
-
-/* How far the bars of many flights come too near to solids and links at most; not 0 without memory. */
-EXPORT int64_t near_flights(const throw *shared, const bodies *all, int64_t count,
-                            const flown_sample *flights, /* [count] */
-                            double *missed               /* [count] m */
-);
-
 /* Distances of segments from each other. */
 EXPORT void segment_distances(int64_t count,
                               const double *pairs, /* [count][4][3] m: begin and end of one and of the other */
@@ -167,9 +148,8 @@ EXPORT int64_t near_track(const bodies *all, int64_t n, int64_t bar, int64_t fly
                           contact *found       /* [all->solids * (all->links + bar) + all->pairs] */
 );
 
-/* How much farther they are apart than they must be at each time, at least; infinite where there is nothing.
-   alone: of the bar only, and as far from where it lands as from elsewhere. */
-EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flying, int64_t alone,
+/* How much farther they are apart than they must be at each time, at least; infinite where there is nothing. */
+EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flying,
                   const double *times, /* [n] s, rising */
                   const double *ends,  /* [all->links + bar][2][3][n] m, in the throw's plane */
                   double *room         /* [n] m */

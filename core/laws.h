@@ -235,49 +235,62 @@ INLINE void held_load(const lane hand[9], const lane held[4], const lane gravity
 {
     LANES_APART
     EACH_LANE {
-        double w0, w1, w2, w3, w4, w5, w6, w7, w8;
+        double w0, w1, w2, w3, w4, w5, w6, w7;
         w0 = held[0][l];
         w1 = hand[6][l];
         w2 = hand[8][l];
-        w3 = held[2][l];
-        w4 = hand[2][l];
-        w5 = held[3][l];
-        w4 = w4 + w5;
-        w5 = sin(w4);
-        w5 = w3 * w5;
-        w6 = w2 * w5;
-        w6 = w1 - w6;
-        w7 = hand[5][l];
-        w7 = w7 * w7;
-        w4 = cos(w4);
-        w4 = w3 * w4;
-        w8 = w7 * w4;
-        w6 = w6 - w8;
-        w6 = w0 * w6;
-        load[0][l] = w6;
-        w6 = hand[7][l];
-        w8 = w2 * w4;
-        w8 = w6 + w8;
-        w7 = w7 * w5;
-        w8 = w8 - w7;
-        w7 = gravity[0][l];
-        w8 = w8 + w7;
-        w8 = w0 * w8;
-        load[1][l] = w8;
-        w8 = w0 * w3;
-        w8 = w8 * w3;
-        w3 = held[1][l];
-        w8 = w8 + w3;
-        w8 = w8 * w2;
-        w1 = w1 * w5;
-        w6 = w6 * w4;
-        w1 = w1 - w6;
+        w3 = held[3][l];
+        w4 = w2 * w3;
+        w4 = w1 - w4;
+        w5 = hand[5][l];
+        w5 = w5 * w5;
+        w6 = held[2][l];
+        w7 = w5 * w6;
+        w4 = w4 - w7;
+        w4 = w0 * w4;
+        load[0][l] = w4;
+        w4 = hand[7][l];
+        w7 = w2 * w6;
+        w7 = w4 + w7;
+        w5 = w5 * w3;
+        w7 = w7 - w5;
+        w5 = gravity[0][l];
+        w7 = w7 + w5;
+        w7 = w0 * w7;
+        load[1][l] = w7;
+        w7 = held[1][l];
+        w7 = w7 * w2;
+        w1 = w1 * w3;
+        w4 = w4 * w6;
+        w1 = w1 - w4;
         w1 = w0 * w1;
-        w0 = w0 * w7;
-        w0 = w0 * w4;
+        w0 = w0 * w5;
+        w0 = w0 * w6;
         w1 = w1 - w0;
-        w8 = w8 - w1;
-        load[2][l] = w8;
+        w7 = w7 - w1;
+        load[2][l] = w7;
+    }
+}
+
+INLINE void grip_use(const lane load[3], const lane limit[2], lane use[1])
+{
+    LANES_APART
+    EACH_LANE {
+        double w0, w1, w2;
+        w0 = load[0][l];
+        w0 = w0 * w0;
+        w1 = load[1][l];
+        w1 = w1 * w1;
+        w0 = w0 + w1;
+        w1 = load[2][l];
+        w2 = limit[1][l];
+        w1 = w1 / w2;
+        w1 = w1 * w1;
+        w0 = w0 + w1;
+        w1 = limit[0][l];
+        w1 = w1 * w1;
+        w0 = w0 / w1;
+        use[0][l] = w0;
     }
 }
 

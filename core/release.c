@@ -539,23 +539,8 @@ EXPORT void surface_steps(const release *r, int64_t steps, double *nodes)
     }
 }
 
-/* Largest distance of the CoM [m] and angle [rad] at the nodes from a body that the pads hold. */
-static void strayed(const release *r, int64_t count, double (*rows)[7], double stray[2])
-{
-    run k = {.r = r};
-    double hand[9][1];
-    stray[0] = stray[1] = 0.0;
-    for (int64_t n = 0; n < count; n++) {
-        hand_at(&k, rows[n][0], hand);
-        double held = hand[2][0] + r->angle, h = r->law[2];
-        stray[0] = fmax(stray[0], length(rows[n][1] - hand[0][0] - h * cos(held),
-                                        rows[n][2] - hand[1][0] - h * sin(held)));
-        stray[1] = fmax(stray[1], fabs(rows[n][3] - held));
-    }
-}
-
 EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t count, const double *numbers,
-                             double *detach, double *stray, int64_t *lost)
+                             double *detach, int64_t kept, double *track, int64_t *lost)
 {
     const int64_t room = 4096 + 2 * shared->motion->corners;
     double (*rows)[7] = malloc(sizeof *rows * (size_t)room), onset[2];
@@ -580,7 +565,9 @@ EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t co
         }
         for (int i = 0; i < 6; i++)
             detach[6 * k + i] = rows[nodes - 1][1 + i];
-        strayed(&r, nodes, rows, stray + 2 * k);
+        for (int64_t i = 0; i < kept; i++, track += 4)
+            for (int j = 0; j < 4; j++)
+                track[j] = rows[i * (nodes - 1) / (kept - 1)][j];
     }
     free(rows);
     return 0;

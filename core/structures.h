@@ -122,24 +122,23 @@ typedef struct {
     const double *delays;  /* [count] s, when on its motion each opening starts */
     const double *drift;   /* [3][count] rates added to the hands' twists; NULL for none */
     double *detach;        /* [count][6] CoM's pose and twist */
-    double *stray;         /* [count][2] how far CoM [m] and angle [rad] leave a held body at most */
     unsigned char *lost;   /* [count] whether the body left the pads before the end */
 } batch;
 
-/* What of the scene counts. Lengths [m]; widths and radii of what it does not have are negative. */
+/* What of the scene counts for every throw of a motion. Lengths [m]; widths and radii of what it does not have
+   are negative. */
 typedef struct {
-    double gravity, mass, inertia, com_offset, grasp_angle; /* m/s^2, kg, kg m^2, m, rad */
-    double force, torque;                     /* limits under the full grip [N, N m] */
-    double behind, ahead, half_width;         /* the bar, from its CoM; or the rectangle around an outline */
+    double gravity;                           /* m/s^2 */
+    double behind, length, half_width;        /* the bar, or the rectangle around an outline; behind: its CoM */
     int64_t parts;                            /* capsules of the object's outline; 0 for a bar */
-    const double *outline; /* [parts][5] m, both ends along and across the axis, from the end that `behind`
-                              leads to, and radius; NULL for a bar */
+    const double *outline; /* [parts][5] m, both ends along and across the axis from the bar's first end, and
+                              radius; NULL for a bar */
     double column_radius, column_height;
     double palm_back, palm_front, palm_half_width; /* the hand's body, from the pads' centre */
     double palm_clearance;
     double tool_length;                       /* from the flange to the pads' centre */
     double cup_x, cup_rim, cup_radius, cup_insertion; /* a bar's radius is that at its width */
-    double cup_speed;                         /* [m/s]; cup_x is where it is at the landing */
+    double cup_speed;                         /* m/s */
 } scene;
 
 /* Links' masses [kg], CoM from their joints [m] and inertias about it [kg m^2], as `PlanarBody` of
@@ -148,57 +147,6 @@ typedef struct {
     double mass[AXES], along[AXES], up[AXES], inertia[AXES], limit[AXES];
 } torques;
 
-/* A throw: its motion, looked at every `tick` [s], and for the grip every `step` [s]; opening and detach [s]
-   on the motion's clock; its flight from detach on for `flight` [s]. error: how far the hand is off its
-   motion, x, z [m] and theta [rad] all along, and as rates from the opening on; the bar's numbers have it
-   already, its grasp angle too. */
-typedef struct {
-    const path *motion;
-    const linkage *arm;
-    const scene *around;
-    const torques *torques; /* NULL where there is no limit to them */
-    double tick, step, opening, detach, flight;
-    int64_t nodes;
-    const double *times; /* [nodes] s, while the pads open */
-    const double *com;   /* [3][nodes] the CoM's pose then */
-    const double *start; /* [6] its pose and twist at detach */
-    double error[6];
-} throw;
-
-/* A flight of one of many throws that share a motion: opening and detach [s], time to the landing [s],
-   the CoM from the bar's end [m], where the cup is at the landing [m]; the CoM's pose and twist at detach;
-   the hand's error, as of `throw`. */
-typedef struct {
-    double opening, detach, flight, behind, cup_x, start[6], error[6];
-} flown_sample;
-
-/* How much room [m] the bar of a reference flight has in windows of `step` [s] from `begin` [s] on; its
-   pose and twist at `detach` [s], extrapolated to both sides; far [m]: from its CoM to its farthest point at
-   most. At any time a bar is no farther from the reference's than at the ends of the time around it, since
-   gravity is the same for both. */
-typedef struct {
-    double begin, step;
-    int64_t n;
-    const double *palm;   /* [n] m */
-    const double *column; /* [n] m */
-    const double *bodies; /* [n] m */
-    double detach, far, start[6];
-} reference;
-
-/* A least or largest value, and when [s]. */
-typedef struct {
-    double value, time;
-} extreme;
-
-/* Use of the grip; heights of the lowest points of the arm and of the bar until detach; the bar's
-   distances from the column until detach and in flight, from the palm in flight, and when it first is
-   too near to that; the highest speed of flange and pads' centre; the largest share of a joint's torque;
-   least clearance in the cup. Infinite where nothing was near. */
-typedef struct {
-    extreme grip, arm, held, column_held, column_flown, palm, speed, torque;
-    double palm_time, cup;
-} measured;
-
 /* `Solid` of models/robot/capsules.py: centre [m], rows of axes, half lengths [m] along them, radius [m]
    around that; the clearance that is kept from it [m], and whether the bar keeps it too. */
 typedef struct {
@@ -206,9 +154,9 @@ typedef struct {
     int64_t bar;
 } solid;
 
-/* Arm and object as capsules; the `bar` capsules of the object come after the links. behind, ahead [m]: a
-   bar's ends from its CoM; com_offset [m], grasp_angle [rad]: of the held bar; landing [s]: before
-   its end the bar may come as near to a solid as it lands, but not within the share `middle` of its radius. */
+/* Arm and object as capsules; the `bar` capsules of the object come after the links. behind, length [m]:
+   CoM and length of a bar; landing [s]: before its end the bar may come as near to a solid as it lands, but not within the share
+   `middle` of its radius. */
 typedef struct {
     int64_t links, bar;
     const int64_t *moved_by; /* [links] the joint that moves it, -1 for none */
@@ -221,12 +169,48 @@ typedef struct {
     int64_t pairs, always; /* the first `always` pairs at all times, the others in flight only */
     const int64_t *meet;   /* [pairs][2] bodies that may meet each other */
     const double *apart;   /* [pairs] m, clearance between them; below 0: an overlap that is allowed */
-    double behind, ahead, com_offset, grasp_angle, landing, middle;
+    double behind, length, landing, middle;
 } bodies;
 
-/* One thing too near: track, body, the solid or (negative, less 1) the link, missing [m], time [s]. */
+/* Throws of one motion, which is looked at every `tick` [s], and for the grip every `step` [s]. */
 typedef struct {
-    double track, body, other, missing, time;
+    const path *motion;
+    const linkage *arm;
+    const scene *around;
+    const torques *torques; /* NULL where there is no limit to them */
+    const bodies *bodies;   /* NULL where there is nothing to meet */
+    double tick, step;
+} throws;
+
+/* One of them. mass [kg], inertia about the pads [kg m^2], CoM from the pads [m], angle on the hand [rad]; limits
+   under the full grip [N, N m]; the CoM from the bar's first end [m]; opening and detach [s] on the motion's
+   clock, time from there to the landing [s], not finite without one; where the cup is at the landing [m]; the
+   CoM's pose and twist at detach; how far the hand is off its motion, x, z [m] and theta [rad] all along, and as
+   rates from the opening on: the object's numbers have it already. */
+typedef struct {
+    double mass, inertia, com_offset, angle, force, torque, behind, opening, detach, flight, cup_x;
+    double start[6], error[6];
+} thrown;
+
+/* A least or largest value, and when [s]. */
+typedef struct {
+    double value, time;
+} extreme;
+
+/* What a verdict on a throw measures. Use of the full grip until the opening, 1 is the limit; of each joint's
+   torque. Heights of the lowest points of the arm and of the bar until detach; the bar's distances from the
+   column until detach and in flight, from the palm in flight, and when [s after detach] it first is too near to
+   that; the highest speed of flange and pads' centre; the highest rate [N m/s] by which the motion's commands change a joint's
+   torque, the load falling linearly while the pads open; least clearance in the cup, -infinity for a bar that
+   misses it. Infinite where nothing was near. */
+typedef struct {
+    extreme grip, arm, held, column_held, column_flown, palm, speed, torque[AXES];
+    double palm_time, rate, cup;
+} measured;
+
+/* One thing too near: body, whether it flies, the solid or (negative, less 1) the link, missing [m], time [s]. */
+typedef struct {
+    double body, flying, other, missing, time;
 } contact;
 
 #endif

@@ -23,11 +23,24 @@ DTYPES: dict[str, np.dtype[Any]] = {
     "int64_t": np.dtype(np.int64),
     "unsigned char": np.dtype(np.bool_),
 }
+
+
 #: Structures that are rows of an array of doubles in Python: how many of these each has.
-ROWS = {
-    name: sum(int(np.prod(field.lengths)) for field in fields_of(name))
-    for name in ("flown_sample", "contact")
-}
+def _size(field: Variable) -> int:
+    """Doubles of a field."""
+    return int(np.prod(field.lengths)) * (2 if field.kind == "extreme" else 1)
+
+
+ROWS = {name: sum(map(_size, fields_of(name))) for name in ("thrown", "measured", "contact")}
+
+
+def columns_of(name: str) -> dict[str, slice]:
+    """Columns of the fields of a structure that is a row of doubles."""
+    found, first = {}, 0
+    for field in fields_of(name):
+        found[field.name] = slice(first, first := first + _size(field))
+    return found
+
 
 #: Looked up once: a plan takes some twenty addresses.
 _addressof, _ndarray = ctypes.addressof, np.ndarray
@@ -171,16 +184,10 @@ class TorquesC(Structure):
     _fields_, pointers = _members("torques")
 
 
-class ThrowC(Structure):
-    """A throw."""
+class ThrowsC(Structure):
+    """Throws of one motion."""
 
-    _fields_, pointers = _members("throw")
-
-
-class ReferenceC(Structure):
-    """The clearances of a reference flight."""
-
-    _fields_, pointers = _members("reference")
+    _fields_, pointers = _members("throws")
 
 
 class SolidC(Structure):
@@ -193,39 +200,6 @@ class BodiesC(Structure):
     """Arm and bar as capsules, and what is around."""
 
     _fields_, pointers = _members("bodies")
-
-
-class Extreme(Structure):
-    """A least or largest value, and when [s]."""
-
-    value: float
-    time: float
-    _fields_, pointers = _members("extreme")
-
-
-class Measured(Structure):
-    """Use of the grip and the least heights and distances [m], infinite where nothing is near.
-
-    grip: largest use of the full grip from rest to the opening, 1 is the limit. arm: height of
-    joints, hand and its body, from rest to the end; held: of the bar, until detach. column_held,
-    column_flown: the bar's signed distance from the base column. palm: of the flying bar from the
-    hand's body; palm_time: from when on [s after detach] it is below the scene's clearance. speed:
-    highest [m/s] of flange and pads' centre from rest to the end; torque: largest share of a
-    joint's limit. Both are 0 where there is no limit.
-    cup: clearance on the way into the cup, -inf for a bar that misses it.
-    """
-
-    grip: Extreme
-    arm: Extreme
-    held: Extreme
-    column_held: Extreme
-    column_flown: Extreme
-    palm: Extreme
-    speed: Extreme
-    torque: Extreme
-    palm_time: float
-    cup: float
-    _fields_, pointers = _members("measured", extreme=Extreme)
 
 
 class GripC(Structure):
@@ -261,9 +235,9 @@ class BatchC(Structure):
 #: The structures by their names in C.
 STRUCTURES: dict[str, type[Structure]] = {
     **{"path": PathC, "linkage": LinkageC, "limits": LimitsC, "samples": SamplesC},
-    **{"grip": GripC, "release": ReleaseC, "move": MoveC, "moved": MovedC, "batch": BatchC},
-    **{"scene": SceneC, "torques": TorquesC, "throw": ThrowC, "reference": ReferenceC},
-    **{"extreme": Extreme, "measured": Measured, "solid": SolidC, "bodies": BodiesC},
+    **{"grip": GripC, "release": ReleaseC, "move": MoveC, "moved": MovedC},
+    **{"batch": BatchC, "scene": SceneC, "torques": TorquesC, "throws": ThrowsC},
+    **{"solid": SolidC, "bodies": BodiesC},
 }
 
 
@@ -278,6 +252,6 @@ def layout() -> dict[str, tuple[int, int]]:
     for name, count in ROWS.items():
         found[name], offset = (0, 8 * count), 0
         for variable in fields_of(name):
-            size = 8 * int(np.prod(variable.lengths))
+            size = 8 * _size(variable)
             found[f"{name}.{variable.name}"], offset = (offset, size), offset + size
     return found

@@ -17,7 +17,7 @@ from pathlib import Path
 import casadi as ca
 
 from .backend import Value
-from .body import Body, Contact, FlightLaw, FlightState, HandSamples, held_wrench, sticking_state
+from .body import Body, Contact, FlightLaw, FlightState, HandSamples, pivot_wrench, sticking_state
 from .release.cases import LOST_SLIP
 from .release.integrators import rk4_step
 from .release.limit_surface import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
@@ -62,22 +62,31 @@ _EXPRESSIONS = {
 
 def _link_functions() -> list[ca.Function]:
     sizes = {"joint": 6, "link": 2, "turned": 3, "body": 4, "gravity": 1, "push": 3, "held": 4}
+    sizes |= {"load": 3, "limit": 2}
     s = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     (s["hand"], samples), s["tool_length"] = _hand("hand"), ca.SX.sym("tool_length")
     joint, turned, twist = map(ca.vertsplit, (s["joint"], s["turned"], s["hand"][3:6]))
     mass, along, up, inertia = ca.vertsplit(s["body"])
-    *bar, angle = ca.vertsplit(s["held"])
+    bar_mass, bar_inertia, *lever = ca.vertsplit(s["held"])
     end = link_end(joint, ca.vertsplit(s["link"]), turned)
     push = PlanarBody(mass, (along, up), inertia).push(joint, turned, s["gravity"])
     torque = joint_torque(joint, ca.vertsplit(s["push"]))
     velocity = flange_velocity(s["tool_length"], s["hand"][2], twist)
-    load = held_wrench(Body(*bar), s["gravity"], samples.motion, angle)
+    hand = samples.motion
+    # The inertia is that about the pads.
+    load = pivot_wrench(Body(bar_mass, bar_inertia, 0.0), s["gravity"], hand, hand.omega, *lever)
+    force, arm = ca.vertsplit(s["limit"])
+    # A contact whose limits under a pad's force of 1 N are these.
+    contact = Contact(friction=force, patch_radius=arm, torsion=1.0, faces=1.0)
+    f_x, f_z, torsion = ca.vertsplit(s["load"])
+    use = contact.utilisation_squared(f_x, f_z, torsion, 1.0)
     return [
         _law("link_end", s, "joint turned link", end=end),
         _law("link_push", s, "joint turned body gravity", push=push),
         _law("joint_torque", s, "joint push", torque=[torque]),
         _law("flange_velocity", s, "hand tool_length", velocity=velocity),
         _law("held_load", s, "hand held gravity", load=load),
+        _law("grip_use", s, "load limit", use=[use]),
     ]
 
 

@@ -208,14 +208,14 @@ class BatchRelease(ReadOnly):
     """The results of N releases.
 
     detach (N, 6): CoM pose and twist at the end of the opening, NaN for a failed one, with the
-    reason in `why_not`. lost (N,): the body slid out of the pads before. stray (N, 2): largest
-    distance of the CoM [m] and the angle [rad] from a held body, None for a model without it.
+    reason in `why_not`. lost (N,): the body slid out of the pads before. track (N, K, 4): K
+    instants from the opening's start [s] to its end, and the CoM's poses; None for most models.
     """
 
     detach: Array
     lost: Flags
     why_not: str = BLEW_UP
-    stray: Array | None = None
+    track: Array | None = None
 
     @property
     def trouble(self) -> npt.NDArray[np.object_]:
@@ -234,12 +234,12 @@ class BatchRelease(ReadOnly):
             return None if any(value is None for value in values) else np.concatenate(values)
 
         why_not = parts[0].why_not
-        return BatchRelease(all_of("detach"), all_of("lost"), why_not, all_of("stray"))
+        return BatchRelease(all_of("detach"), all_of("lost"), why_not, all_of("track"))
 
     def part(self, throws: Throws) -> BatchRelease:
         """The releases of the given throws."""
-        stray = None if self.stray is None else self.stray[throws]
-        return BatchRelease(self.detach[throws], self.lost[throws], self.why_not, stray)
+        track = None if self.track is None else self.track[throws]
+        return BatchRelease(self.detach[throws], self.lost[throws], self.why_not, track)
 
 
 def chunks(count: int, size: int) -> Iterator[Throws]:

@@ -57,6 +57,9 @@ def law_numbers(given: ReleaseCase | ReleaseBatch) -> list[Any]:
 
 # N releases by the core.
 
+#: Nodes of each release of a batch that are kept.
+TRACK = 24
+
 
 def compiled_batch(
     law: str, batch: ReleaseBatch, shares: Array, gap: float = 0.0, *, paper: bool = False
@@ -85,11 +88,10 @@ def compiled_batch(
     sizes = {"count": batch.count, "steps": steps, "pieces": pieces, "rows": rows, "width": width}
     found = BatchC(**sizes, gap=gap, paper=paper)
     found.attach(**{name: np.ascontiguousarray(value, float) for name, value in given.items()})
-    detach, stray = np.empty((batch.count, 6)), np.empty((batch.count, 2))
-    lost = np.empty(batch.count, bool)
-    found.attach(detach=detach, stray=stray, lost=lost)
+    detach, lost = np.empty((batch.count, 6)), np.empty(batch.count, bool)
+    found.attach(detach=detach, lost=lost)
     getattr(library(), law)(found)
-    return BatchRelease(detach, lost, stray=stray)
+    return BatchRelease(detach, lost)
 
 
 def by_levels(
@@ -187,14 +189,14 @@ def exact_releases(
     angle, delays_total = batch.grasp_angle, float(_path(case).delays) + delays
     values = (*law_numbers(batch), angle, delays_total, turning, batch.opening)
     numbers = np.column_stack([np.broadcast_to(value, batch.count) for value in values])
-    detach, stray = np.empty((batch.count, 6)), np.empty((batch.count, 2))
+    detach, track = np.empty((batch.count, 6)), np.empty((batch.count, TRACK, 4))
     lost = np.empty(batch.count, np.int64)
     shared = compiled_release(case)
 
     def throw(throws: Throws) -> None:
         part = slice(int(throws[0]), int(throws[-1]) + 1)
         rows = np.ascontiguousarray(numbers[part], float)
-        found = detach[part], stray[part], lost[part]
+        found = detach[part], TRACK, track[part], lost[part]
         if library().many_releases(shared, int(surface), len(rows), rows, *found):
             raise MemoryError
 
@@ -206,7 +208,7 @@ def exact_releases(
     else:
         with ThreadPoolExecutor(count) as pool:
             list(pool.map(throw, pieces))
-    return BatchRelease(detach, lost > 0, stray=stray)
+    return BatchRelease(detach, lost > 0, track=track)
 
 
 def relative_states(case: ReleaseCase, nodes: Array) -> Array:

@@ -225,7 +225,7 @@ class SteppedRelease:
         def extrapolated(part: ReleaseBatch, factor: int) -> BatchRelease:
             coarse, fine = stepped(part, steps * factor), stepped(part, 2 * steps * factor)
             detach = 2 * fine.detach - coarse.detach
-            return BatchRelease(detach, fine.lost, stray=fine.stray)
+            return BatchRelease(detach, fine.lost)
 
         return by_levels(batch, extrapolated)
 

@@ -7,9 +7,7 @@ from .bodies import (
     CollisionScene,
     SweptBodies,
     bar_radii,
-    bar_room,
     check_obstacles,
-    contacts,
     hand_pairs,
     overlap,
 )

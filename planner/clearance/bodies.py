@@ -9,11 +9,11 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ...core import BodiesC, SolidC, library
+from ...core import ROWS, BodiesC, SolidC, library
 from ...models import Array, sticking_state
 from ...models.robot import ArmCapsules, Solid, segment_distance, shape_overlaps
 from ...problems import InputError, Scene, ThrownObject, ThrowPlane
-from ..throw import Manipulator, Throw
+from ..throw import Manipulator
 from .outlines import bar_ends, held_bar
 
 #: Time [s] before the landing in which the bar may be as near to an obstacle as at the landing.
@@ -23,8 +23,6 @@ LANDING = 0.05
 MIDDLE = 0.35
 #: Name of the bar, among those of links.
 BAR = "bar"
-#: Number of values of a contact in the compiled core.
-CONTACT = 5
 
 
 @dataclass(frozen=True)
@@ -123,12 +121,12 @@ class CollisionScene:
         found = _pairs_of(self.arm, len(bar_radii(self.scene.object)))
         return found + (hand_pairs(self.scene, self.arm) if flying else [])
 
-    def core(self, hand_error: float = 0.0) -> BodiesC:
-        """Scene, arm and bar for the compiled core; hand_error [rad]: of the hand's angle."""
-        scene, found = self.scene, _shape(self.arm, self.scene.object, *_grip(self.scene)).copy()
+    @cached_property
+    def core(self) -> BodiesC:
+        """Scene, arm and bar for the compiled core."""
+        found = _shape(self.arm, self.scene.object, *_grip(self.scene)).copy()
         found.solids = len(self.things)
         found.attach(around=(SolidC * found.solids)(*(thing.core for thing in self.things)))
-        found.com_offset, found.grasp_angle = scene.com_offset, scene.grasp.angle + hand_error
         if self.arm is not None and self.azimuth:
             # Only the base's capsules depend on the azimuth.
             found.attach(places=self.arm.places_at(self.azimuth))
@@ -163,39 +161,41 @@ class CollisionScene:
 
     def clearances(self, track: SweptBodies) -> list[Clearance]:
         """Pairs of bodies that are too near: one with an obstacle, two links, or bar and link."""
-        bodies = self.core()
-        found = np.empty((bodies.solids * len(track.names) + bodies.pairs, CONTACT))
+        bodies = self.core
+        found = np.empty((bodies.solids * len(track.names) + bodies.pairs, ROWS["contact"]))
         ends, times = np.ascontiguousarray(track.ends), np.ascontiguousarray(track.times, float)
         count = library().near_track(bodies, *track.core, times, ends, found)
-        return self.list_clearances(track.names, found, count)
-
-    def list_clearances(self, names: tuple[str, ...], found: Array, count: int) -> list[Clearance]:
-        """The core's first `count` contacts in `found`, of bodies with these names."""
         if count < 0:
             raise MemoryError
+        return self.list_clearances(found[:count], track.names)
+
+    def list_clearances(self, found: Array, names: tuple[str, ...] = ()) -> list[Clearance]:
+        """The core's contacts (N, 5), of bodies with these names, by default the arm's and the
+        object's."""
+        if not names:
+            names = (*(() if self.arm is None else self.arm.names), *[BAR] * self.core.bar)
         result = []
-        for track, body, other, penetration, time in found[:count].tolist():
+        for body, flies, other, penetration, time in found.tolist():
             thing = self.things[int(other)] if other >= 0 else None
             name = names[-1 - int(other)] if thing is None else thing.name
-            flying = track == 1 and names[int(body)] == BAR
+            flying = flies and names[int(body)] == BAR
             clearance = 0.0 if thing is None else thing.clearance
             if flying and name == "hand":
                 clearance = self.scene.bounds.palm_clearance or 0.0
             result.append(
-                Clearance(names[int(body)], name, thing, clearance, penetration, time, flying)
+                Clearance(names[int(body)], name, thing, clearance, penetration, time, bool(flying))
             )
         return result
 
-    def min_clearance(self, track: SweptBodies, *, bar_only: bool = False) -> Array:
+    def min_clearance(self, track: SweptBodies) -> Array:
         """Least distance (N,) [m] of bodies beyond their clearances; infinite without a pair.
 
         In the last `LANDING` of its flight the bar may be as near to an obstacle as it lands, its
         middle half outside.
-        bar_only: of the bar only, and without this exception.
         """
         room = np.empty(track.times.size)
         ends, times = np.ascontiguousarray(track.ends), np.ascontiguousarray(track.times, float)
-        library().rooms(self.core(), *track.core, bar_only, times, ends, room)
+        library().rooms(self.core, *track.core, times, ends, room)
         return room
 
     def obstacle_around(self, ends: Array, radius: float) -> KeepOut | None:
@@ -300,7 +300,7 @@ def _shape(
         pairs += _hand_pairs(capsules, bar, offset, angle, clearance)
     found = BodiesC(links=links, bar=len(parts), pairs=len(pairs), always=always, landing=LANDING)
     found.middle = MIDDLE
-    found.behind, found.ahead = bar.com, bar.length - bar.com
+    found.behind, found.length = bar.com, bar.length
     meet = np.array([pair[:2] for pair in pairs], np.int64).reshape(-1, 2)
     apart = np.array([pair[2] for pair in pairs])
     body = {"moved_by": moved_by, "moves": moves, "meet": meet, "apart": apart, "places": places}
@@ -308,26 +308,6 @@ def _shape(
     if bar.outline:
         found.attach(outline=bar.capsules)
     return found
-
-
-def contacts(throw: Throw) -> list[Clearance]:
-    """Pairs of bodies that come too near to each other in a throw."""
-    if not throw.scene.obstacle and throw.manipulator.capsules is None:
-        return []
-    around = CollisionScene.of(throw.scene, throw.manipulator)
-    bodies = around.core(throw.error.theta)
-    found = np.empty((3 * (bodies.solids * (bodies.links + bodies.bar) + bodies.pairs), CONTACT))
-    count = library().near_bodies(throw.core, bodies, found)
-    names = (*(() if around.arm is None else around.arm.names), *[BAR] * bodies.bar)
-    return around.list_clearances(names, found, count)
-
-
-def bar_room(throw: Throw, times: Array, com: Array, *, flying: bool) -> Array:
-    """`min_clearance` (N,) [m] of the bar at times (N,) [s] of a throw; com (3, N): its poses."""
-    if not throw.scene.obstacle and throw.manipulator.capsules is None:
-        return np.full(times.size, np.inf)
-    around, q = CollisionScene.of(throw.scene, throw.manipulator), throw.path.at(times).pose
-    return around.min_clearance(around.bodies_at(times, q, com, flying=flying), bar_only=True)
 
 
 def overlap(scene: Scene, manipulator: Manipulator, q: Array, com: Array | None = None) -> Array:
@@ -339,7 +319,7 @@ def overlap(scene: Scene, manipulator: Manipulator, q: Array, com: Array | None 
     capsules = manipulator.capsules
     if capsules is None:
         return np.full(q.shape[1], -np.inf)
-    bodies = CollisionScene(scene, (), capsules).core()
+    bodies = CollisionScene(scene, (), capsules).core
     rows = np.ascontiguousarray(q.T), None if com is None else np.ascontiguousarray(com.T)
     penetration, arm = np.empty(q.shape[1]), manipulator.kinematics.core
     if library().overlaps(q.shape[1], arm, bodies, *rows, penetration):

@@ -78,7 +78,7 @@ def column_distance(bar: ThrownObject, com: Array, radius: float, height: float)
 
 
 def _scene(bar: ThrownObject) -> SceneC:
-    found = SceneC(behind=bar.com, ahead=bar.length - bar.com, half_width=bar.width / 2)
+    found = SceneC(behind=bar.com, length=bar.length, half_width=bar.width / 2)
     if bar.outline:
         found.parts = len(bar.outline)
         found.attach(outline=bar.capsules)

@@ -11,9 +11,9 @@ from ...models import Array
 from ...models.robot import segment_distance
 from ...problems import InputError, Obstacle
 from ...problems.job_files import Jobs
-from ..clearance import SpatialScene, contacts
+from ..clearance import SpatialScene
 from ..throw import Samples, Throw, make_manipulator
-from ..verdict import obstacles_hit
+from ..verdict import measures_of, obstacles_hit
 
 
 class WaitingObjects:
@@ -49,7 +49,8 @@ class WaitingObjects:
     def hit_by_throw(self, throw: Throw, pick: int) -> int:
         """The picks whose objects a throw of one comes too near to: the arm, and the object in the
         hand and in flight."""
-        things = (pair.thing for pair in contacts(throw.among(self._besides(pick))))
+        among = measures_of(throw.among(self._besides(pick)))
+        things = (pair.thing for pair in among.clearances())
         return self._picks({thing.name for thing in things if thing is not None and thing.bar})
 
     def _picks(self, names: Collection[str]) -> int:

@@ -23,6 +23,8 @@ from ..verdict import (
     bound_words,
     calibrated_landing,
     drop_words,
+    grip_words,
+    measures_of,
     verdict,
 )
 from .active_limits import ActiveLimit, Bound
@@ -213,10 +215,10 @@ class Plan:
         if self.verdict.warnings:
             more["warning"] = "; ".join(finding.words for finding in self.verdict.warnings)
         if throw is not None and arm is not None and torque_limits(self.scene) is not None:
-            torques, limit = throw.deciding.torques, self.scene.torque_rate
+            measures, limit = measures_of(throw.deciding), self.scene.torque_rate
             more["torque"] = {
-                "use": float(torques.use.max()),
-                "rate": torques.rate,
+                "use": float(measures.torque[0].max()),
+                "rate": float(measures.value("rate")[0]),
                 "rate_limit": limit,
                 "load_step": throw.deciding.load_steps.tolist(),
             }
@@ -317,7 +319,7 @@ class Plan:
             moments = {words: result["release"][key] for key, words in MOMENTS.items()}
             times = [f"{words} {t:.3f} s" for words, t in moments.items() if t is not None]
             lines.append(f"  {', '.join(times)}")
-            lines.append(f"  {self.throw.deciding.grip_words}")
+            lines.append(f"  {grip_words(self.throw.deciding)}")
         if "torque" in result and self.solved:
             lines.append(f"  {self._torque_words(**result['torque'])}")
         if self.exceeds:

@@ -9,6 +9,7 @@ import numpy as np
 from ...models import Array
 from ...problems import Scene, Torque
 from ..throw import Throw, torque_limits
+from ..verdict import measures_of
 
 #: Names of recommendations: words, unit with its scale from SI, and decimals.
 _WORDS = {
@@ -22,11 +23,16 @@ _WORDS = {
 def exceeded(throw: Throw) -> dict[str, tuple[float, float]]:
     """Value and recommendation, SI units, of each that a throw exceeds: torque_rate, torque (as a
     share of the arm's limit), tool_speed, grip_force."""
-    scene = throw.scene
+    scene, measures = throw.scene, measures_of(throw)
+    speed = float(measures.value("speed")[0])
     if torque_limits(scene) is None:
-        return _beyond(scene, throw.measured.speed.value)
-    torques = throw.torques
-    return _beyond(scene, throw.measured.speed.value, torques.use, torques.rate)
+        return _beyond(scene, speed)
+    return _beyond(
+        scene,
+        speed,
+        measures.torque[0][0, : len(throw.manipulator.joints)],
+        float(measures.value("rate")[0]),
+    )
 
 
 def allowed(scene: Scene) -> dict[str, tuple[float, float]]:

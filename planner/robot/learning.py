@@ -42,7 +42,7 @@ from ..throw import (
     friction_use,
     outline,
     torque_limits,
-    torques_of,
+    torque_uses,
 )
 from ..verdict import Code, Finding, Verdict, verdict
 from .recording import CUTOFF, Recording, interpolated
@@ -195,8 +195,8 @@ def constraints_of(
 
         def torque(place: Array, rate: Array, turn: Array) -> Array:
             path = Trajectory.quintics(LIMITS.spacing * TICK, place.T, rate.T, turn.T)
-            torques = torques_of(scene, manipulator, path, opening_time)
-            return np.asarray(torques.use[:: LIMITS.spacing].max(axis=1) / LIMITS.force_share)
+            uses = torque_uses(scene, manipulator, path, opening_time)
+            return np.asarray(uses[:: LIMITS.spacing].max(axis=1) / LIMITS.force_share)
 
         yield Constraint(torque, measured, every, 3)
     for at, holding in (

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ...models import Array, Indices
 from ..clearance import palm_corners
 from ..throw import column_of
+from ..verdict import grip_words
 from .drawings import bar_path, cup_profile, draw_bars, draw_cup
 from .style import (
     ARM,
@@ -72,7 +73,7 @@ def draw_throw(
     title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
     if short_of is not None:
         title = f"{scene.name}: the throw found that lands nearest to {short_of.words}\n"
-    title += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n{throw.grip_words}"
+    title += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n{grip_words(throw)}"
     figure = new_figure(12.5, 7.8, title)
     halves = figure.add_gridspec(1, 2, width_ratios=(1.7, 1))
     grid = halves[1].subgridspec(4, 1, height_ratios=(1.4, 1, 1, 1))

@@ -8,7 +8,14 @@ from dataclasses import astuple, dataclass, replace
 import numpy as np
 
 from ...models import Array, Body, FlightState, ReadOnly, Trajectory
-from ...models.release import MODELS, STEPPED_SURFACE, BatchRelease, ReleaseBatch, exact_releases
+from ...models.release import (
+    LOST,
+    MODELS,
+    STEPPED_SURFACE,
+    BatchRelease,
+    ReleaseBatch,
+    exact_releases,
+)
 from ...problems import Pose, Scene
 from .manipulator import HandError
 from .throw import EXACT, Throw
@@ -132,6 +139,12 @@ class ThrowBatch:
         # velocity moves the whole release.
         start[:, :2] += error[:, :2] + error[:, 3:5] * opening[:, None]
         start[:, 3:5] += error[:, 3:5]
+        if release.track is not None:
+            track = release.track.copy()
+            for axis in range(2):
+                drift = error[:, 3 + axis, None] * track[..., 0]
+                track[..., 1 + axis] += error[:, axis, None] + drift
+            release = replace(release, track=track)
         opened = self.throw.opening_time + late
         freed, landing = opened + opening, self.scene.flight.land(start, self.target.z)
         flown = np.where(landing[:, 2] > 0.0, landing[:, 2], np.inf)
@@ -195,6 +208,32 @@ class ThrowBatch:
         way = self.target.speed * (found.landing_time - self.throw.landing_time)
         there = target.shifted(way, 0.0)
         return replace(found, scene=made.aimed_at(there))
+
+
+def flight_of(throw: Throw) -> BatchFlights:
+    """A throw's own flight, as one of a batch's; columns: of object and contact only."""
+    scene, landing, release = throw.scene, throw.landing, throw.release
+    body, patch = scene.body, scene.patch
+    numbers = body.mass, body.inertia, patch.friction, patch.patch_radius
+    names = "mass", "inertia", "friction", "patch_radius"
+    columns = {name: np.full(1, value) for name, value in zip(names, numbers, strict=True)}
+    error, none = throw.error, np.zeros(1)
+    track = np.vstack([release.times, release.com]).T[None]
+    opened = np.full(1, throw.opening_time)
+    return BatchFlights(
+        columns,
+        late=none,
+        opened=opened,
+        freed=opened + scene.gripper.profile().opening,
+        com_offset=np.full(1, scene.com_offset),
+        grasp_angle=np.full(1, scene.grasp.angle + error.theta),
+        com=np.full(1, scene.object.com),
+        error=np.array([error]),
+        release=BatchRelease(release.end[None], np.full(1, release.trouble == LOST), track=track),
+        start=np.array([astuple(landing.start)]),
+        landing=np.array([[landing.x, landing.theta, landing.flight_time]]),
+        way=none,
+    )
 
 
 def tabulated(throw: Throw, span: tuple[float, float]) -> Trajectory:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from ...core import TorquesC
-from ...models import Array, HandSamples, ReadOnly, Trajectory, held_wrench, read_only
+from ...models import Array, HandSamples, Trajectory, held_wrench, read_only
 from ...models.release import Release
 from ...models.robot import PlanarArm, PlanarDynamics
 from ...problems import Scene, Torque
@@ -28,42 +27,6 @@ def friction_use(scene: Scene, hand: HandSamples) -> Array:
     return np.asarray(np.sqrt(use))
 
 
-@dataclass(frozen=True)
-class Torques(ReadOnly):
-    """Torques [N m] (N, n) at `times` (N,) [s], those with the object and with an empty hand.
-
-    The object is held until `opening`; while the pads open, until `detach`, the hand may bear all
-    of it or nothing; after that it is empty. limits (n,) [N m].
-    """
-
-    times: Array
-    held: Array
-    free: Array
-    opening: float
-    detach: float
-    limits: Array
-
-    @cached_property
-    def use(self) -> Array:
-        """Share (N, n) of the limits, the larger of both while the pads open."""
-        before, after = (self.times < self.opening)[:, None], (self.times > self.detach)[:, None]
-        held, free = np.abs(self.held), np.abs(self.free)
-        during = np.where(after, free, np.maximum(held, free))
-        return read_only(np.where(before, held, during) / self.limits)
-
-    @cached_property
-    def rate(self) -> float:
-        """Highest rate of change [N m/s] of any joint by the motion's commands, between samples.
-
-        While the pads open, the load falls linearly, as a controller would be told. How the object
-        unloads the joints is in `load_steps`.
-        """
-        left = (self.detach - self.times) / (self.detach - self.opening)
-        share = np.clip(left, 0.0, 1.0)[:, None]
-        torques = share * self.held + (1.0 - share) * self.free
-        return float(np.abs(np.diff(torques, axis=0)).max(initial=0.0) / TICK)
-
-
 def torque_limits(scene: Scene) -> Array | None:
     """Limits (n,) [N m] of an arm's throwing joints; None without an arm or its masses."""
     limits = _limits(scene)
@@ -78,14 +41,21 @@ def _limits(scene: Scene) -> tuple[float, ...] | None:
     return section.of(arm, robot.throwing_joints or arm.throwing_joints)
 
 
-def torques_of(scene: Scene, manipulator: Manipulator, path: Trajectory, opening: float) -> Torques:
-    """Torques at every sample of a motion whose grip force starts to fall at `opening` [s]."""
+def torque_uses(scene: Scene, manipulator: Manipulator, path: Trajectory, opening: float) -> Array:
+    """Share (N, n) of the joints' torque limits at every sample of a motion whose grip force starts
+    to fall at `opening` [s].
+
+    The object is held until then; while the pads open the hand may bear all of it or nothing.
+    """
     limits, times = torque_limits(scene), np.arange(0.0, path.end + TICK / 2, TICK)
     assert limits is not None
-    hand = manipulator.hand(path).at(times)
+    hand, detach = manipulator.hand(path).at(times), opening + scene.gripper.profile().opening
     load = held_wrench(scene.body, scene.gravity, hand.motion, scene.grasp.angle)
-    held, free = (_torques(scene, manipulator, path.at(times), on).T for on in (load, None))
-    return Torques(times, held, free, opening, opening + scene.gripper.profile().opening, limits)
+    held, free = (
+        np.abs(_torques(scene, manipulator, path.at(times), on).T) * where[:, None]
+        for on, where in ((load, times <= detach), (None, times >= opening))
+    )
+    return np.asarray(np.maximum(held, free) / limits)
 
 
 def load_torques(

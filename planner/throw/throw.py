@@ -7,14 +7,14 @@ computed when they are first read.
 from __future__ import annotations
 
 import math
-from dataclasses import InitVar, astuple, dataclass, replace
+from dataclasses import InitVar, dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ...core import Measured, SceneC, ThrowC, library
+from ...core import SceneC, library
 from ...models import Array, FlightLaw, FlightState, HandSamples, HandTrack, Trajectory
 from ...models.release import (
     SLIDING_PIVOT,
@@ -25,12 +25,10 @@ from ...models.release import (
     exact_surface_release,
 )
 from ...problems import InputError, Obstacle, Pose, Scene, checked
-from .loads import Torques, core_torques, load_steps, torques_of
+from .loads import load_steps
 from .manipulator import EXACT_HAND, HandError, Manipulator
 from .sending import NO_SAMPLES, TICK, Samples
 
-#: Longest interval [s] between checks of sticking before the opening.
-CARRY_STEP = 0.002
 #: Exact releases by their models' names.
 EXACT = {SLIDING_PIVOT: exact_pivot_release, STEPPED_SURFACE: exact_surface_release}
 
@@ -147,47 +145,9 @@ class Throw:
         """The landing at the target's height."""
         return LandingPoint.of(self.release, self.target.z, self.scene.flight)
 
-    @cached_property
-    def grip_use(self) -> float:
-        """Largest friction use (ellipsoid, 1 is the limit) from rest to the opening's start."""
-        return float(library().grip_use(_core_motion(self)))
-
-    @property
-    def grip_words(self) -> str:
-        """Largest use of the grip's friction, the rest, and the scene's reserve, as text."""
-        use, reserve = self.measured.grip, self.scene.gripper.sticking_margin
-        left = f"{100 * (1 - use.value):.0f} % are left, {100 * reserve:g} % are asked for"
-        return (
-            f"grip: at most {100 * use.value:.0f} % of its friction limit before the opening, at "
-            f"{use.time:.2f} s; {left}"
-        )
-
-    @cached_property
-    def measured(self) -> Measured:
-        """Clearances and uses of limits, measured by the compiled core."""
-        found = Measured()
-        library().measure(self.core, found)
-        return found
-
-    @cached_property
-    def core(self) -> ThrowC:
-        """The throw for the compiled core."""
-        found, release = _core_motion(self), self.release
-        times, com = self.opening_time + release.times, np.ascontiguousarray(release.com)
-        found.detach, found.flight, found.nodes = times[-1], self.landing.flight_time, len(times)
-        found.attach(times=times, com=com, start=np.array(astuple(self.landing.start)))
-        return found
-
     def __getstate__(self) -> dict[str, Any]:
-        """The state without `core`, whose addresses are valid in this process only, and without
-        `load_steps`, which would come back writable."""
-        left_out = ("core", "load_steps")
-        return {name: value for name, value in vars(self).items() if name not in left_out}
-
-    @cached_property
-    def torques(self) -> Torques:
-        """Joint torques along the motion; for an arm with masses."""
-        return torques_of(self.scene, self.manipulator, self.path, self.opening_time)
+        """The state without `load_steps`, which would come back writable."""
+        return {name: value for name, value in vars(self).items() if name != "load_steps"}
 
     @cached_property
     def load_steps(self) -> Array:
@@ -293,19 +253,6 @@ class Throw:
         return self.detach_time + self.landing.flight_time
 
 
-def _core_motion(throw: Throw) -> ThrowC:
-    """A throw's motion for the compiled core, without release and flight."""
-    found = ThrowC(tick=TICK, step=CARRY_STEP, opening=throw.opening_time)
-    found.error[:] = throw.error
-    found.attach(
-        motion=throw.path.core,
-        arm=throw.manipulator.kinematics.core,
-        around=core_scene(throw.scene, throw.error.theta),
-        torques=core_torques(throw.scene, throw.manipulator),
-    )
-    return found
-
-
 def column_of(scene: Scene) -> tuple[float, float] | None:
     """Half width [m] of the base column's section in the bar's plane, and its height [m].
 
@@ -319,21 +266,14 @@ def column_of(scene: Scene) -> tuple[float, float] | None:
     return None if beside >= radius else (math.sqrt(radius**2 - beside**2), height)
 
 
-def core_scene(scene: Scene, hand_error: float) -> SceneC:
-    """The scene's data for measures by the compiled core; hand_error [rad]: of the hand's angle."""
-    bar, body, patch, cup, arm = scene.object, scene.body, scene.patch, scene.cup, scene.arm
-    limit = patch.force_limit(scene.gripper.profile().full)
+def core_scene(scene: Scene) -> SceneC:
+    """The scene's data for measures by the compiled core."""
+    bar, cup, arm = scene.object, scene.cup, scene.arm
     column, room = column_of(scene), scene.palm_clearance
     found = SceneC(
         gravity=scene.gravity,
-        mass=body.mass,
-        inertia=body.inertia,
-        com_offset=body.com_offset,
-        grasp_angle=scene.grasp.angle + hand_error,
-        force=limit,
-        torque=limit * patch.torsion_arm,
         behind=bar.com,
-        ahead=bar.length - bar.com,
+        length=bar.length,
         half_width=bar.width / 2,
         cup_speed=0.0 if scene.target is None else scene.target.speed,
         # A negative value marks an absent part of the scene.
@@ -372,7 +312,7 @@ def cup_entries(scene: Scene, detach: Array, flight: Array) -> Array:
     """
     found = np.empty(len(detach))
     states, times = np.ascontiguousarray(detach), np.ascontiguousarray(flight, float)
-    library().cup_entries(core_scene(scene, 0.0), len(detach), states, times, found)
+    library().cup_entries(core_scene(scene), len(detach), states, times, found)
     return found
 
 

@@ -11,7 +11,7 @@ from ...models import Array
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import Pose
 from ..throw import Throw, ThrowBatch
-from ..verdict import Code, Finding, Judge
+from ..verdict import Code, Finding, Judge, measures_of
 from .sampler import sampler_of
 
 #: Number of sampled throws for reserves and spread.
@@ -78,7 +78,7 @@ def _reserves(throw: Throw, target: Pose, robust: bool) -> Iterator[Finding]:
             few = f"{100 * share:.0f} %" if share >= 0.005 else "less than 1 %"
             note = f"under [uncertainty] {few} of the throws {code.fate}"
             if code is Code.SLIP_BEFORE_OPENING:
-                use = 100 * throw.measured.grip.value
+                use = 100 * float(measures_of(throw).value("grip")[0])
                 note += f"; the plan uses {use:.0f} % of the friction limit"
             note += f": {first}{code.cure}"
             yield Finding(Code.UNCERTAIN, share, 0.0, body=code.value, broken=False, note=note)

@@ -3,7 +3,6 @@
 This package alone decides on landing, grip, cup and clearances.
 """
 
-from .batch import Judge, Verdicts, is_as_successful
 from .calibrated import CalibratedLanding, calibrated_landing, region_words
 from .carry import grip_use
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
@@ -16,4 +15,6 @@ from .in_space import (
     obstacles_hit,
 )
 from .landing import bound_words, drop_words, lands_well
-from .single import FLYING, collision, held_verdict, outside_tolerance, verdict
+from .measures import Measures, grip_words, measures_of
+from .motion import FLYING, collision, held_verdict
+from .verdicts import Judge, Verdicts, is_as_successful, outside_tolerance, verdict

@@ -17,7 +17,7 @@ from ..clearance import BAR, Clearance, SpatialScene, bar_ends, bar_radii
 from ..throw import TICK, Samples, Throw, arm_excesses
 from .carry import grip_findings
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
-from .single import FLYING, NEAR, collision
+from .motion import FLYING, NEAR, collision
 
 #: Distance [samples] of the instants by which most motions are found clear of collisions.
 PLACES = 10

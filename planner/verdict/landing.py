@@ -31,9 +31,11 @@ def least_cup_clearance(cup: Cup) -> float:
 
 
 class LimitUse(NamedTuple):
-    """A value [SI] that must be at most its limit, or, with sign -1, at least.
+    """A value [SI] that must be at most its limit, or, with sign -1, at least; of one throw or an
+    array (N,).
 
-    body: distinguishes several values of one code.
+    body: distinguishes several values of one code. time [s]: when it is so; None without an
+    instant. slack: allowed excess, which covers rounding.
     """
 
     code: Code
@@ -41,11 +43,13 @@ class LimitUse(NamedTuple):
     limit: float
     sign: float = 1.0
     body: str = ""
+    time: Any = None
+    slack: float = 0.0
 
     @property
     def broken(self) -> Any:
         """Whether the value is beyond the limit; NaN is beyond every limit."""
-        return ~(self.sign * np.asarray(self.value) <= self.sign * self.limit)
+        return ~(self.sign * (np.asarray(self.value) - self.limit) <= self.slack)
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,19 @@ import throwplan as tp
 from builders import varied
 from throwplan.models import Trajectory
 from throwplan.models.robot import LinkCapsule
-from throwplan.planner.clearance import CollisionScene, contacts, held_bar, overlap
+from throwplan.planner.clearance import Clearance, CollisionScene, held_bar, overlap
 from throwplan.planner.show import serving, space_motion
 from throwplan.planner.throw import Throw, make_manipulator
-from throwplan.planner.verdict import collision
+from throwplan.planner.verdict import collision, measures_of
 from throwplan.problems import Obstacle
 
 from oracle import oracle_of, shapes
+
+
+def clearances(throw: Throw) -> list[Clearance]:
+    """Pairs of bodies that come too near to each other in a throw."""
+    return measures_of(throw).clearances()
+
 
 #: A wall over which the usual throw to 1.2 m does not go.
 WALL = Obstacle("wall", "box", (0.1, 0.6, 0.44), (0.9, 0.0, 0.22))
@@ -97,8 +103,8 @@ def test_links_next_to_the_base_keep_off_bodies_beside_the_arm(pose, free) -> No
 def test_a_throw_goes_over_a_wall(free, around):
     assert free.solved and around.solved
     hit = dataclasses.replace(free.throw.deciding, scene=around.throw.deciding.scene)
-    assert {c.other for c in contacts(hit)} == {"wall"}
-    assert not contacts(around.throw.deciding)
+    assert {c.other for c in clearances(hit)} == {"wall"}
+    assert not clearances(around.throw.deciding)
     assert oracle_of(around).judge(planned=True).broken() == [()]
 
 
@@ -111,7 +117,7 @@ def test_an_obstacle_stands_in_the_base_frame(free, pose):
     for wall, meets in ((turned, True), (WALL, False)):
         scene = pose.replace(obstacle=(wall,), target=target)
         throw = dataclasses.replace(free.throw.deciding, scene=scene)
-        assert bool(contacts(throw)) == meets
+        assert bool(clearances(throw)) == meets
 
 
 def lowest_of_links(plan: tp.Plan) -> float:
@@ -135,7 +141,7 @@ def test_no_link_is_below_the_floor_from_rest_to_rest(pose) -> None:
     assert floor < min(final.measured.arm.value, final.measured.held.value) - 0.1
     higher = varied(padded, workspace={"floor": floor})
     hit = dataclasses.replace(final, scene=higher.aimed_at(TARGET))
-    assert {c.other for c in contacts(hit)} == {"floor"}
+    assert {c.other for c in clearances(hit)} == {"floor"}
     plan = tp.Planner(higher).plan(TARGET)
     assert plan.solved and lowest_of_links(plan) > floor - 1e-6
 
@@ -150,9 +156,9 @@ def in_the_way(throw: Throw) -> Obstacle:
 def test_a_hand_throws_around_an_obstacle(plan_of) -> None:
     scene, first = tp.load_scene("hand-box"), plan_of("hand-box").throw.deciding
     blocked = scene.replace(obstacle=(in_the_way(first),))
-    assert contacts(dataclasses.replace(first, scene=blocked))
+    assert clearances(dataclasses.replace(first, scene=blocked))
     plan = tp.Planner(blocked).plan()
-    assert plan.solved and not contacts(plan.throw.deciding)
+    assert plan.solved and not clearances(plan.throw.deciding)
 
 
 @pytest.mark.slow
@@ -161,11 +167,11 @@ def test_a_robust_throw_goes_around_an_obstacle() -> None:
     scene = tp.load_scene("delay")
     first = tp.Planner(scene).plan(robust=True).throw.deciding
     blocked = scene.replace(obstacle=(in_the_way(first),))
-    assert contacts(dataclasses.replace(first, scene=blocked))
+    assert clearances(dataclasses.replace(first, scene=blocked))
     plan = tp.Planner(blocked).plan(robust=True)
     assert plan.solved
     for delay in (-0.01, -0.005, 0.0, 0.005, 0.01):
-        assert not contacts(plan.throw.deciding.delayed(delay)), delay
+        assert not clearances(plan.throw.deciding.delayed(delay)), delay
 
 
 def test_the_bar_may_land_on_a_table(free, pose):
@@ -174,7 +180,7 @@ def test_the_bar_may_land_on_a_table(free, pose):
         table = Obstacle("table", "box", (0.5, 0.6, top), (1.3, 0.0, top / 2))
         throw = free.throw.deciding
         scene = throw.scene.replace(obstacle=(table,))
-        assert bool(contacts(dataclasses.replace(throw, scene=scene))) == meets
+        assert bool(clearances(dataclasses.replace(throw, scene=scene))) == meets
 
 
 def test_the_arm_meets_itself(free, pose):
@@ -183,11 +189,11 @@ def test_the_arm_meets_itself(free, pose):
     folded = np.array([-1.5, -2.9, 0.2])
     limits = manipulator.hard
     assert ((folded > limits.q_min) & (folded < limits.q_max)).all()
-    assert not contacts(final)
+    assert not clearances(final)
     begin, still = final.path.at([0.0]).pose.T, np.zeros((1, 3))
     rate = (folded - begin) / final.until
     path = Trajectory.cubics(np.array([0.0, final.until]), begin, rate, still, still)
-    words = [collision(c).words for c in contacts(dataclasses.replace(final, path=path))]
+    words = [collision(c).words for c in clearances(dataclasses.replace(final, path=path))]
     assert any("meets link" in word or "meets base" in word for word in words)
 
 
@@ -214,14 +220,14 @@ def test_a_bar_may_land_on_an_obstacle_but_not_inside(free, into, free_of):
     top = ends.min() - bar.width / 2 + into
     table = Obstacle("table", "box", (0.3, 0.3, 0.05), (landing.x, 0.0, top - 0.025), clearance=0.0)
     throw = dataclasses.replace(final, scene=final.scene.replace(obstacle=(table,)))
-    assert (not contacts(throw)) == free_of
+    assert (not clearances(throw)) == free_of
 
 
 def test_a_saved_plan_keeps_its_obstacles(around, tmp_path, free_port):
     around.save(tmp_path, draw=False)
     again = tp.read_plan(tmp_path)
     assert again.scene.obstacle == (WALL,)
-    assert not contacts(again)
+    assert not clearances(again)
     with serving(space_motion(again), free_port()) as (_, panel):
         assert panel
 

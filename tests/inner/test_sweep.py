@@ -13,6 +13,7 @@ from throwplan.models import FlightLaw, Trajectory
 from throwplan.models.release import exact_pivot_release
 from throwplan.planner.throw import Throw, ThrowBatch, make_manipulator
 from throwplan.planner.uncertainty import sampler_of
+from throwplan.planner.verdict import measures_of
 from throwplan.problems import Distribution, Gripper, Uncertainty
 
 G = 9.81
@@ -187,4 +188,6 @@ def test_a_weak_grip_is_no_success(posed) -> None:
     # More friction holds what less did.
     slipped = friction[~found.landings.sticks]
     assert (found.landings.sticks == (friction > slipped.max())).all()
-    assert slipped.max() == pytest.approx(posed.throw.deciding.grip_use, abs=0.02)
+    assert slipped.max() == pytest.approx(
+        measures_of(posed.throw.deciding).value("grip")[0], abs=0.02
+    )

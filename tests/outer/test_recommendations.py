@@ -12,7 +12,7 @@ import throwplan as tp
 from builders import varied
 from throwplan.models.robot import SpatialArm
 from throwplan.planner.throw import TICK
-from throwplan.planner.verdict import Code, verdict
+from throwplan.planner.verdict import Code, measures_of, verdict
 from throwplan.problems import arms
 
 from oracle import read_oracle
@@ -54,14 +54,14 @@ def test_shipped_scenes_keep_all_that_makers_recommend(plan_of, saved, name: str
     throw = plan.throw.deciding
     found = read_oracle(saved(name)).judge(planned=True).found
     assert float(found["torque"].value[0]) <= 0.9 + 1e-4
-    assert throw.torques.rate <= limits.torque_rate
+    assert measures_of(throw).value("rate")[0] <= limits.torque_rate
 
 
 def test_the_verdict_keeps_the_margin_that_the_nlp_keeps() -> None:
     """A throw that uses more than the margin leaves is not solved; with a smaller margin it is."""
     wide = tp.plan(varied(tp.load_scene("pose"), torque=tp.Torque(margin=0.0)))
     throw = wide.throw.deciding
-    use = float(throw.torques.use.max())
+    use = float(measures_of(throw).torque[0].max())
     assert wide.solved and use > 0.9
     for margin, kept in ((1 - use + 0.01, False), (1 - use - 0.01, True)):
         scene = varied(throw.scene, torque=tp.Torque(margin=margin))

@@ -1,0 +1,120 @@
+"""What a verdict measures of N throws of one motion, in one call of the compiled core.
+
+What depends on the motion alone is measured once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core import ROWS, ThrowsC, columns_of, library
+from ...models import Array, Indices, ReadOnly
+from ..clearance import Clearance, CollisionScene
+from ..throw import TICK, BatchFlights, Throw, core_scene, core_torques, flight_of
+
+#: Longest interval [s] between instants at which the grip is looked at before the opening.
+GRIP_STEP = 0.002
+_COLUMNS = columns_of("measured")
+
+
+@dataclass(frozen=True, eq=False)
+class Measures(ReadOnly):
+    """Measures of N throws.
+
+    rows (N, M): columns as `measured` of the core; near: bodies that are too near to each other,
+    (N, K, 5) as `contact` of the core, of which the first nears (N,) count; around: these bodies,
+    None where there are none.
+    """
+
+    rows: Array
+    near: Array
+    nears: Indices
+    around: CollisionScene | None = None
+
+    def value(self, name: str) -> Array:
+        """A measure (N,): grip, the largest use of the full grip until the opening; arm and held,
+        heights [m] of the lowest points of the arm and of the object until detach; column_held,
+        column_flown and palm, the object's least distances [m]; speed [m/s], the tool's highest;
+        rate [N m/s], of the joints' torques by the motion's commands;
+        palm_time [s], when after detach the object first is too near to the palm; cup, the least
+        clearance [m] in it. Infinite where nothing is near."""
+        return self.rows[:, _COLUMNS[name]][:, 0]
+
+    def time(self, name: str) -> Array:
+        """When (N,) [s] on the motion's clock."""
+        return self.rows[:, _COLUMNS[name]][:, 1]
+
+    @property
+    def torque(self) -> tuple[Array, Array]:
+        """Largest shares (N, 8) of each joint's torque limit, and when [s]."""
+        rows = self.rows[:, _COLUMNS["torque"]]
+        return rows[:, ::2], rows[:, 1::2]
+
+    def clearances(self, throw: int = 0) -> list[Clearance]:
+        """Pairs of bodies of a throw that are too near to each other."""
+        if self.around is None:
+            return []
+        return self.around.list_clearances(self.near[throw, : self.nears[throw]])
+
+
+def measures_of(throw: Throw, flights: BatchFlights | None = None) -> Measures:
+    """Measures of a throw, or of flights (N,) of its motion."""
+    if flights is None:
+        flights = flight_of(throw)
+    scene, manipulator, count = throw.scene, throw.manipulator, len(flights.late)
+    shared, around, room = ThrowsC(tick=TICK, step=GRIP_STEP), None, 0
+    if scene.obstacle or manipulator.capsules is not None:
+        around = CollisionScene.of(scene, manipulator)
+        bodies = around.core
+        room = 3 * (bodies.solids * (bodies.links + bodies.bar) + bodies.pairs)
+    shared.attach(
+        motion=throw.path.core,
+        arm=manipulator.kinematics.core,
+        around=core_scene(scene),
+        torques=core_torques(scene, manipulator),
+        bodies=None if around is None else around.core,
+    )
+    track = flights.release.track
+    nodes = np.empty((count, 0, 4)) if track is None else track.copy()
+    nodes[..., 0] += flights.opened[:, None]
+    rows, near = np.empty((count, ROWS["measured"])), np.empty((count, room, ROWS["contact"]))
+    nears = np.zeros(count, np.int64)
+    given = np.ascontiguousarray(_thrown(throw, flights)), nodes.shape[1], nodes
+    if library().measure_throws(shared, count, *given, rows, room, near, nears):
+        raise MemoryError
+    return Measures(rows, near, nears, around)
+
+
+def _thrown(throw: Throw, flights: BatchFlights) -> Array:
+    """Flights as rows of the core's `thrown`."""
+    scene, column, h = throw.scene, flights.columns, flights.com_offset
+    patch = scene.patch
+    force = patch.faces * column["friction"] * scene.gripper.profile().full
+    cup_x = flights.way + (0.0 if scene.cup is None else scene.cup.x)
+    numbers = (
+        column["mass"],
+        column["inertia"] + column["mass"] * h**2,
+        h,
+        flights.grasp_angle,
+        force,
+        force * patch.torsion * column["patch_radius"],
+        flights.com,
+        flights.opened,
+        flights.freed,
+        flights.landing[:, 2],
+        cup_x,
+    )
+    return np.hstack([np.column_stack(numbers), flights.start, flights.error])
+
+
+def grip_words(throw: Throw) -> str:
+    """Largest use of the grip's friction, the rest, and the scene's reserve, as text."""
+    measures, reserve = measures_of(throw), throw.scene.gripper.sticking_margin
+    use, time = measures.value("grip")[0], measures.time("grip")[0]
+    left = f"{100 * (1 - use):.0f} % are left, {100 * reserve:g} % are asked for"
+    return (
+        f"grip: at most {100 * use:.0f} % of its friction limit before the opening, at "
+        f"{time:.2f} s; {left}"
+    )
