@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,15 +24,8 @@ class Judgement:
 
 
 def judge(plan: Plan) -> Judgement:
-    """The oracle's judgement of a solved plan, by the files that it saves.
-
-    Doubt is infinite where a free hand's motion does not follow from motion.csv, which has a row
-    a millisecond: its acceleration steps more than twice in between.
-    """
-    try:
-        oracle = oracle_of(plan)
-    except ValueError:
-        return Judgement((), math.nan, math.inf)
+    """The oracle's judgement of a solved plan, by the files that it saves."""
+    oracle = oracle_of(plan)
     judged = oracle.judge(planned=True)
     doubt = np.abs(oracle.landing(STEPS // 2) - judged.landing)[0]
     own_error = {"position": doubt[0], "angle": doubt[1]}

@@ -153,9 +153,8 @@ def _inside(limits: Limits, motion: Trajectory) -> bool:
     q, dq, ddq, jerk = (motion.starts(k) for k in range(4))
     if (q < limits.q_min).any() or (q > limits.q_max).any() or _too_fast(limits, q, dq):
         return False
-    if (np.abs(ddq) > LIMIT_USE * limits.ddq).any():
-        return False
-    return limits.jerk is None or not (np.abs(jerk) > LIMIT_USE * limits.jerk).any()
+    within = (np.abs(ddq) <= LIMIT_USE * limits.ddq) & (np.abs(jerk) <= LIMIT_USE * limits.jerk)
+    return bool(within.all())
 
 
 def _too_fast(limits: Limits, q: Array, dq: Array) -> bool:
@@ -177,7 +176,7 @@ def _thrown(
     stop = samples.q[-1]
     if ((stop < manipulator.planning.q_min) | (stop > manipulator.planning.q_max)).any():
         return None
-    throw = SentThrow.sent(scene.aimed_at(target), manipulator, motion, samples, at).sliding_pivot
+    throw = SentThrow.sent(scene.aimed_at(target), manipulator, samples, at).sliding_pivot
     if measures_of(throw).value("grip")[0] > GRIP_USE or not np.isfinite(throw.landing.flight_time):
         return None
     theta = None if target.theta is None else throw.landing.theta

@@ -187,9 +187,7 @@ def _beside(planner: Planner, plans: list[Plan]) -> Row:
         seconds.append(time.perf_counter() - start)
         start = time.perf_counter()
         sent = send(plan.manipulator, throw.planned)
-        final = SentThrow.sent(
-            plan.scene, plan.manipulator, throw.planned, sent, throw.opening_time
-        )
+        final = SentThrow.sent(plan.scene, plan.manipulator, sent, throw.opening_time)
         verdict(final, target)
         checks.append(time.perf_counter() - start)
     (warm, longest), (check,) = quantiles(seconds, 50, 99), quantiles(checks, 50)

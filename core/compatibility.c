@@ -28,7 +28,7 @@ static const place PLACES[] = {
     FIELD(release, law), FIELD(release, angle), FIELD(release, delay), FIELD(release, turning),
     FIELD(release, paper),
     STRUCTURE(move), FIELD(move, n), FIELD(move, carry), FIELD(move, stages), FIELD(move, size),
-    FIELD(move, errors), FIELD(move, by_jerk), FIELD(move, surface), FIELD(move, throws),
+    FIELD(move, errors), FIELD(move, surface), FIELD(move, throws),
     FIELD(move, unit), FIELD(move, before), FIELD(move, shortest), FIELD(move, longest),
     FIELD(move, gravity), FIELD(move, nearer), FIELD(move, goal),
     FIELD(move, aim), FIELD(move, off), FIELD(move, start), FIELD(move, rate),

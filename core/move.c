@@ -10,8 +10,7 @@
 
 /* The planned motion of free numbers, and where it lands. */
 typedef struct {
-    path planned;
-    double *breaks, *curves; /* of `planned` */
+    double *breaks, *curves; /* of the planned motion */
     double *u;               /* tried last */
 } trial;
 
@@ -26,10 +25,8 @@ EXPORT void plan_motion(const move *m, const double *u, double *breaks, double *
     for (int64_t i = 0; i < n; i++) {
         double q = m->start ? m->start[i] : u[1 + i], v = m->rate[i], a = m->acceleration[i];
         for (int64_t k = 0; k < m->stages; k++) {
-            double control = u[first + k * n + i], h = breaks[k + 1] - breaks[k];
-            double jerk = m->by_jerk ? m->unit * control : 0.0;
+            double jerk = m->unit * u[first + k * n + i], h = breaks[k + 1] - breaks[k];
             double *c = curves + i * m->stages + k;
-            a = m->by_jerk ? a : control;
             c[0] = jerk / 6.0;
             c[n * m->stages] = a / 2.0;
             c[2 * n * m->stages] = v;
@@ -46,24 +43,21 @@ EXPORT void plan_motion(const move *m, const double *u, double *breaks, double *
 static int throw_trial(const move *m, trial *t, moved *found, double off[2])
 {
     release r = *m->release;
-    path sent;
+    path planned, sent;
     found->lost = 0;
     plan_motion(m, t->u, t->breaks, t->curves);
-    t->planned = (path){m->n, 4, m->stages, 0, m->stages + 1, t->breaks, t->curves, t->breaks};
-    r.motion = &t->planned;
-    if (m->limits) {
-        memcpy(found->sent.dq, m->rate, sizeof(double) * (size_t)m->n);
-        memcpy(found->sent.ddq, m->acceleration, sizeof(double) * (size_t)m->n);
-        found->sent.rows = found->room;
-        found->corners = send_motion(&t->planned, m->limits, &found->sent, found->curves, found->kinks);
-        if (found->corners < 0)
-            return 1;
-        for (int64_t k = 0; k < found->sent.rows; k++)
-            found->times[k] = found->sent.tick * (double)k;
-        sent = (path){m->n, 6, found->sent.rows - 1, 1, found->corners, found->times, found->curves,
-                      found->kinks};
-        r.motion = &sent;
-    }
+    planned = (path){m->n, 4, m->stages, 0, m->stages + 1, t->breaks, t->curves, t->breaks};
+    memcpy(found->sent.dq, m->rate, sizeof(double) * (size_t)m->n);
+    memcpy(found->sent.ddq, m->acceleration, sizeof(double) * (size_t)m->n);
+    found->sent.rows = found->room;
+    found->corners = send_motion(&planned, m->limits, &found->sent, found->curves, found->kinks);
+    if (found->corners < 0)
+        return 1;
+    for (int64_t k = 0; k < found->sent.rows; k++)
+        found->times[k] = found->sent.tick * (double)k;
+    sent = (path){m->n, 6, found->sent.rows - 1, 1, found->corners, found->times, found->curves,
+                  found->kinks};
+    r.motion = &sent;
     r.delay = t->u[0] - m->before;
     found->nodes = m->surface
         ? surface_release(&r, found->release_room, found->nodes_at)

@@ -34,7 +34,7 @@ typedef struct {
     double frame_along[FRAMES], frame_up[FRAMES]; /* m, from the link's joint */
 } linkage;
 
-/* Limits of each coordinate, of its rate, acceleration and jerk (infinite where there is no limit).
+/* Limits of each coordinate, of its rate, acceleration and jerk.
    slowing: deceleration, offset, upper and lower as in `Slowing` of models/robot/arm.py, if `slows`. */
 typedef struct {
     double q_min[AXES], q_max[AXES], dq[AXES], ddq[AXES], jerk[AXES], slowing[4][AXES];
@@ -72,14 +72,14 @@ typedef struct {
 } release;
 
 /* A known throw and where it is to land. Its free numbers u: the carry's duration [s], the start [n] where
-   none is given, the controls [stages][n], jerks in `unit` (with by_jerk) or accelerations. The first
+   none is given, the controls [stages][n], jerks in `unit`. The first
    `carry` stages share the duration. before [s]: the pads begin to open that long before the carry ends;
    shortest, longest [s]: bounds of the duration. off: from the goal (x [m], theta [rad]) at u; aim (the
    same units): what is near enough; errors: 1 for x, 2 for both. nearer: share of the miss before it that
    a throw must come below; throws: at most so many; surface: by the limit surface, else the sliding pivot;
    gravity [m/s^2]. */
 typedef struct {
-    int64_t n, carry, stages, size, errors, by_jerk, surface, throws;
+    int64_t n, carry, stages, size, errors, surface, throws;
     double unit, before, shortest, longest, gravity, nearer, goal[3], aim[2], off[2];
     const double *start;        /* [n] NULL where u has it */
     const double *rate;         /* [n] at the start */
@@ -89,7 +89,7 @@ typedef struct {
     const double *high;         /* [size] */
     const double *u;            /* [size] */
     const double *slope;        /* [size][errors] how u follows the landing, per m and per rad */
-    const limits *limits;       /* NULL for a free hand, whose planned motion counts */
+    const limits *limits;
     const release *release;     /* its motion and delay are not read */
 } move;
 

@@ -182,11 +182,6 @@ class Trajectory(ReadOnly):
             drift=None if drift is None else drift[:, throws],
         )
 
-    def beginning(self, piece: int) -> Trajectory:
-        """The motion from a piece on."""
-        given = self.coefficients[:, :, piece:]
-        return replace(self, breaks=self.breaks[piece:], given=given)
-
     def shifted(self, delays: Array | float) -> Trajectory:
         """Each throw's clock starts that much later [s] on the motion: one value, or (N,)."""
         # It shares the coefficients if they are known.

@@ -277,7 +277,9 @@ class Oracle:
         low, high = np.array([hand.x, hand.z, hand.theta]).T
         dq = np.array([hand.speed, hand.speed, hand.angular_speed or 0.0])
         ddq = np.array([hand.acceleration] * 2 + [hand.angular_acceleration or 0.0])
-        return _ranges(self.samples, (low, high), (dq, ddq, None), list(range(n)))
+        given = np.array([hand.jerk, hand.jerk, hand.angular_jerk], float)
+        jerk = np.where(np.isnan(given), 100.0 * ddq, given)
+        return _ranges(self.samples, (low, high), (dq, ddq, jerk), list(range(n)))
 
     def _limits(self) -> dict[str, Found]:
         found, arm, scene = dict(self._joint_limits), self.arm, self.scene
@@ -349,7 +351,7 @@ def joint_limits(samples: Samples, of: Any, which: list[int]) -> dict[str, Found
 
 
 def _ranges(
-    s: Samples, ends: tuple[Array, Array], most: tuple[Array | None, ...], which: list[int]
+    s: Samples, ends: tuple[Array, Array], most: tuple[Array, ...], which: list[int]
 ) -> dict[str, Found]:
     """Use of ranges, and of limits on velocity, acceleration and jerk."""
     low, high = ends
@@ -357,7 +359,6 @@ def _ranges(
     found = {"joint position": at_least(np.minimum(s.q - low, high - s.q)[:, which].min(), 0.0)}
     kinds = (np.vstack([s.dq, rate]), np.vstack([s.ddq, turn]), jerk)
     for name, values, limit in zip(("velocity", "acceleration", "jerk"), kinds, most, strict=True):
-        if limit is not None:
-            share = np.abs(values[:, which]) / limit[which]
-            found[f"joint {name}"] = at_most(share.max(), 1.0)
+        share = np.abs(values[:, which]) / limit[which]
+        found[f"joint {name}"] = at_most(share.max(), 1.0)
     return found

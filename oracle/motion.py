@@ -5,7 +5,6 @@ In the plane: x forward, z up, angles counter-clockwise from x to z, so a turn a
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
-from scipy.optimize import least_squares
 
 Array = NDArray[np.float64]
 
@@ -22,14 +20,6 @@ Array = NDArray[np.float64]
 TICK = 1e-3
 #: Number of parts of a tick between which the hand follows quintics.
 PARTS = 4
-#: A change [m/s^2, rad/s^2] of a free hand's acceleration above this is a step.
-STEP = 1e-6
-#: Steps of two axes are one if their times [s] differ by less than this.
-TOGETHER = 1e-7
-#: Largest residual [m, rad] of a tick's position after the fit of a free hand's steps.
-UNEXPLAINED = 1e-9
-#: Names of the fit's tolerances.
-TOLERANCES = ("xtol", "ftol", "gtol")
 
 
 def quintics(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
@@ -41,86 +31,11 @@ def quintics(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
     return PPoly(np.stack([c5 / h**5, c4 / h**4, c3 / h**3, ddq[:-1] / 2, dq[:-1], q[:-1]]), times)
 
 
-def _even(
-    edges: Array, q: Array, dq: Array, accelerations: Array
-) -> tuple[list[float], list[list[Array]], Array]:
-    """Constant accelerations between edges [s], from q with rates dq: ends and coefficients of the
-    pieces, and the position at the last edge."""
-    ends, pieces = list[float](), list[list[Array]]()
-    for (begin, end), a in zip(itertools.pairwise(edges), accelerations, strict=True):
-        h = end - begin
-        if h >= 1e-12:
-            ends.append(end)
-            pieces.append([a / 2, dq, q])
-            q, dq = q + h * (dq + h / 2 * a), dq + h * a
-    return ends, pieces, q
-
-
-def _two_steps(
-    h: float, q: Array, dq: Array, ddq: Array
-) -> tuple[list[float], list[list[Array]], Array]:
-    """`_even` for a tick of h [s] with two steps of the accelerations, of all axes at once.
-
-    q, dq, ddq (2, n): the samples at its ends. The acceleration between the steps follows from the
-    rates, the instants of the steps are those that meet the positions best.
-    """
-
-    def pieces(shares: Array) -> tuple[list[float], list[list[Array]], Array]:
-        first = h * shares[0]
-        edges = np.array([0.0, first, first + (h - first) * shares[1], h])
-        one, two, three = np.diff(edges)
-        between = (dq[1] - dq[0] - one * ddq[0] - three * ddq[1]) / two
-        return _even(edges, q[0], dq[0], np.array([ddq[0], between, ddq[1]]))
-
-    def off(shares: Array) -> Array:
-        return (pieces(shares)[2] - q[1]) / h**2
-
-    starts, close = itertools.product((0.2, 0.5, 0.8), repeat=2), dict.fromkeys(TOLERANCES, 1e-15)
-    found = (least_squares(off, start, bounds=(1e-6, 1 - 1e-6), **close) for start in starts)
-    return pieces(min(found, key=lambda each: each.cost).x)
-
-
-def parabolas(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
-    """A free hand's planned motion from its samples (K, n), with at most two steps in a tick.
-
-    When they do follows from the rates at the ticks, and, of two steps, from the positions.
-    ValueError where that does not explain the positions.
-    """
-    h, before, after = np.diff(times)[:, None], ddq[:-1], ddq[1:]
-    jump = before - after
-    stepped = np.abs(jump) > STEP
-    at = np.where(stepped, (dq[1:] - dq[:-1] - h * after) / np.where(stepped, jump, 1.0), h)
-    # Steps of several axes at one instant differ by rounding and are one step.
-    first = np.take_along_axis(at, np.abs(jump).argmax(axis=1)[:, None], axis=1)
-    at = np.where(np.abs(at - first) < TOGETHER, first, at)
-    cuts = np.sort(np.hstack([0 * h, np.clip(at, 0.0, h), h]), axis=1)
-    breaks, pieces = [times[0]], []
-    for k, edges in enumerate(cuts):
-        middles = (edges[1:] + edges[:-1])[:, None] / 2
-        rows, single = slice(k, k + 2), np.where(middles < at[k], before[k], after[k])
-        ends, tick, last = _even(edges, q[k], dq[k], single)
-        if np.abs(last - q[k + 1]).max() > UNEXPLAINED:
-            ends, tick, last = _two_steps(h[k, 0], q[rows], dq[rows], ddq[rows])
-        if np.abs(last - q[k + 1]).max() > UNEXPLAINED:
-            raise ValueError(f"motion.csv: at {times[k]:.3f} s accelerations step more than twice")
-        pieces += tick
-        breaks += [times[k] + end for end in ends]
-    return PPoly(np.array(pieces).transpose(1, 0, 2), np.array(breaks))
-
-
 @dataclass(frozen=True)
 class Curve:
     """Coordinates over time, at rest before and after."""
 
     pieces: PPoly
-
-    @cached_property
-    def steps(self) -> Array:
-        """Times [s] of acceleration steps between constant accelerations; none of other motions."""
-        if len(self.pieces.c) > 3:
-            return np.empty(0)
-        jumps = np.abs(np.diff(self.pieces.c[0], axis=0)).max(axis=1)
-        return np.append(self.pieces.x[1:-1][jumps > STEP], self.pieces.x[[0, -1]])
 
     @cached_property
     def _derivatives(self) -> tuple[PPoly, PPoly]:
@@ -329,4 +244,4 @@ class HandMotion:
 
     def __init__(self, samples: Samples) -> None:
         self.samples, self.plane = samples, Plane()
-        self.hand = Curve(parabolas(samples.times, samples.q, samples.dq, samples.ddq))
+        self.hand = Curve(quintics(samples.times, samples.q, samples.dq, samples.ddq))

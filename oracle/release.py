@@ -17,8 +17,6 @@ STEPS = 2000
 NEWTON = 60
 #: Newton iterations end at this error of the radius, a share of it.
 CLOSE = 1e-12
-#: Distance [s] from a step of the hand's acceleration at which each side of it is read.
-SIDE = 1e-11
 #: A table's fall starts at this loss of force, a share of its first value.
 FALL = 0.01
 
@@ -87,7 +85,7 @@ def released(held: Held, hand: Curve, model: str, steps: int = STEPS) -> Release
 
     The first is of first order in its steps: two runs are extrapolated.
     """
-    shares = _shares(held, hand, steps)
+    shares = np.linspace(0.0, 1.0, steps + 1)[:, None] + 0 * held.begins
     halves = np.empty((2 * len(shares) - 1, shares.shape[1]))
     halves[::2], halves[1::2] = shares, (shares[1:] + shares[:-1]) / 2
     if model == "sp":
@@ -95,14 +93,6 @@ def released(held: Held, hand: Curve, model: str, steps: int = STEPS) -> Release
     coarse, fine = (surface(held, hand, each) for each in (shares, halves))
     com = 2 * fine.com[::2] - coarse.com
     return Released(coarse.times, com, 2 * fine.twist - coarse.twist)
-
-
-def _shares(held: Held, hand: Curve, steps: int) -> Array:
-    """Instants (K, N) as shares of each opening: even, and where a hand's acceleration steps."""
-    kinks = (hand.steps[:, None] - held.begins) / held.opening
-    kinks = kinks[((kinks > 0.0) & (kinks < 1.0)).any(axis=1)].clip(0.0, 1.0)
-    even = np.linspace(0.0, 1.0, steps + 1)[:, None] + 0 * held.begins
-    return np.sort(np.vstack([even, kinks]), axis=0)
 
 
 def _tracks(held: Held, hand: Curve, shares: Array) -> tuple[Array, Array, Array, Array]:
@@ -189,12 +179,10 @@ def pivoting(held: Held, hand: Curve, shares: Array) -> Released:
     """The sliding pivot in its continuous form, by the classical Runge-Kutta method; every
     second of the shares is in the middle of a step."""
     times, pose, twist, acceleration = _tracks(held, hand, shares)
-    # At a step of the hand's acceleration each time step reads its own side.
-    after, before = (hand.at(times + aside)[2] for aside in (SIDE, -SIDE))
     limit = held.faces * held.full * held.friction * held.grip(shares)
     m, h, inertia = held.mass, held.offset, held.inertia + held.mass * held.offset**2
 
-    def slope(k: int, acceleration: Array, state: Array) -> Array:
+    def slope(k: int, state: Array) -> Array:
         s_x, s_z, turned, v_x, v_z, rate = state
         theta, omega = pose[k, :, 2] + held.angle + turned, twist[k, :, 2] + rate
         a_x, a_z, alpha = acceleration[k].T
@@ -216,10 +204,10 @@ def pivoting(held: Held, hand: Curve, shares: Array) -> Released:
     states = [state]
     for k in range(0, len(shares) - 1, 2):
         dt = times[k + 2] - times[k]
-        one = slope(k, after, state)
-        two = slope(k + 1, acceleration, state + dt / 2 * one)
-        three = slope(k + 1, acceleration, state + dt / 2 * two)
-        four = slope(k + 2, before, state + dt * three)
+        one = slope(k, state)
+        two = slope(k + 1, state + dt / 2 * one)
+        three = slope(k + 1, state + dt / 2 * two)
+        four = slope(k + 2, state + dt * three)
         state = state + dt / 6 * (one + 2 * two + 2 * three + four)
         states.append(state)
     s = np.array(states)

@@ -182,7 +182,7 @@ def _waiting(throw: PlannedThrow, wait: int) -> PlannedThrow:
         rows[0, :wait] = samples.q[0]
         samples = Samples(*rows)
     opened = final.opening_time + seconds
-    final = Throw.sent(final.scene, final.manipulator, planned, samples, opened)
+    final = Throw.sent(final.scene, final.manipulator, samples, opened)
     lands = throw.planned_landing
     return dataclasses.replace(
         throw, planned=planned, deciding=final, layout=None, solution=None, landing_of_nlp=lands

@@ -32,6 +32,12 @@ class Hand(Section):
         "rad/s; left out: no rotation of the hand", above=0, most=1e3
     )
     angular_acceleration: float | None = optional("rad/s²; with `angular_speed`", above=0, most=1e5)
+    jerk: float | None = optional(
+        "m/s³, each axis; left out: 100 1/s times `acceleration`", above=0, most=1e9
+    )
+    angular_jerk: float | None = optional(
+        "rad/s³; left out: 100 1/s times `angular_acceleration`", above=0, most=1e9
+    )
     start: tuple[float, float] | None = optional(
         "m, x and z at rest before the throw; left out: free"
     )
@@ -55,6 +61,8 @@ class Hand(Section):
                 raise InputError(f"{key} = {ends}: must be [lowest, highest]")
         if (self.angular_speed is None) != (self.angular_acceleration is None):
             raise InputError("angular_speed and angular_acceleration: give both or neither")
+        if self.angular_jerk is not None and not self.turns:
+            raise InputError("angular_jerk: only with angular_speed")
         if self.turns and self.theta[0] == self.theta[1]:
             raise InputError("theta_deg: a hand that turns needs [lowest, highest]")
         if not self.turns and self.theta[0] != self.theta[1]:
@@ -91,11 +99,6 @@ class Robot(Section):
     )
     throwing_joints: tuple[int, ...] | None = optional(
         "joints that throw; the arm's own where left out"
-    )
-    control: str = quantity(
-        "`jerk`: continuous acceleration; `acceleration`: steps, smoothed afterwards",
-        choices=("jerk", "acceleration"),
-        default="jerk",
     )
     tool_speed: float | None = optional(
         "m/s, highest speed of the arm's flange and of the pads' centre; the arm's own where left "

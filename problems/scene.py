@@ -133,9 +133,6 @@ class Scene(Section):
                 yield "[gripper] sticking_margin: only for a scene with [hand] or [robot]"
         if self.hand is not None and self.bounds.palm_clearance is not None:
             yield "[workspace] palm_clearance: only for a scene with [robot]; a [hand] has no palm"
-        jerks = self.robot is not None and self.robot.control == "jerk"
-        if self.cost is not None and self.cost.jerk != Cost().jerk and not jerks:
-            yield '[cost] jerk: only for a scene with [robot] and its control = "jerk"'
 
     def _check_shape(self) -> None:
         if self.motion is None:

@@ -294,9 +294,7 @@ class Cost(Section):
 
     time: float = quantity("1/s, of the time until the hand opens", least=0, most=1e4, default=2.0)
     acceleration: float = quantity("1/s", least=1e-3, most=1e4, default=10.0)
-    jerk: float = quantity(
-        "1/s; only with [robot] and its `control` = `jerk`", least=1e-3, most=1e4, default=1.0
-    )
+    jerk: float = quantity("1/s", least=1e-3, most=1e4, default=1.0)
     quiet: float = quantity(
         "(m/s^2)^-2, of the mean square load on the pads from 10 ms before they open, or the "
         "earliest delay, to as long after detach; 0 leaves it out",

@@ -57,7 +57,6 @@ class Approach:
         arm = self.space.kinematics.arm
         limits = joint_limits(arm, range(1, arm.joints + 1))
         slopes = np.abs(self._at(1, np.linspace(0.0, LENGTH, STEPS))).max(axis=0)
-        assert limits.jerk is not None
         most = (
             np.array([np.min(limit / np.maximum(slopes, 1e-9))])
             for limit in (limits.dq, limits.ddq, limits.jerk)
@@ -75,7 +74,6 @@ class Approach:
         shares: of the joints' limits on acceleration and jerk.
         """
         most = self._limits
-        assert most.jerk is not None
         ddq, jerk = shares[0] * most.ddq, shares[1] * most.jerk
         start, end = (State(*np.array([[x], [v], [0.0]])) for x, v in ((0.0, 0.0), (LENGTH, speed)))
         found = transfer(Limits(most.q_min, most.q_max, most.dq, ddq, jerk), start, end)

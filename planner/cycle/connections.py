@@ -217,7 +217,6 @@ def slowed(space: SpatialScene, start: State, goal: State) -> Transfer | None:
     far as that is allowed.
     """
     limits = joint_limits(space.kinematics.arm, range(1, space.kinematics.arm.joints + 1))
-    assert limits.jerk is not None
     most = limits.dq, limits.ddq, limits.jerk
 
     def reduced(shares: Array) -> Transfer | None:

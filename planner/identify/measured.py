@@ -134,7 +134,7 @@ def _recorded(name: str, plan: Plan, landing: tuple[float, float] | None) -> Mea
     after the opening; the command leads by the mean delay."""
     sent = sent_throw(plan)
     first = max(sent.command_time - 0.05, 0.0)
-    last = min(sent.detach_time + 0.06, sent.until)
+    last = min(sent.detach_time + 0.06, sent.path.end)
     times = np.linspace(first, last, round((last - first) / TICK) + 1)
     return MeasuredThrow(
         name=name,

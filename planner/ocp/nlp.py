@@ -77,11 +77,8 @@ class ThrowNlp(Nlp):
             return np.array([default if value is None else value for value in values])
 
         q = blocks("q", zero if manipulator.start is None else manipulator.start)
-        dq, control = blocks("dq", rate), blocks("c", zero)
-        if s.jerk_control:
-            ddq, jerk = blocks("ddq", acceleration), JERK_UNIT * control
-        else:
-            ddq, jerk = control, 0 * control
+        dq = blocks("dq", rate)
+        ddq, jerk = blocks("ddq", acceleration), JERK_UNIT * blocks("c", zero)
         return Trajectory.cubics(request.times(opening_time), q, dq, ddq, jerk), opening_time
 
     def with_miss(self, x: Array, parameters: Array) -> Array:
@@ -110,8 +107,7 @@ class ThrowNlp(Nlp):
         """
         s = self.structure
         coordinates = dict(zip(("q", "dq", "ddq"), states, strict=True))
-        control = np.diff(coordinates["ddq" if s.jerk_control else "dq"], axis=1) / np.diff(times)
-        control /= JERK_UNIT if s.jerk_control else 1.0
+        control = np.diff(coordinates["ddq"], axis=1) / np.diff(times) / JERK_UNIT
 
         def value(block: Block, k: int) -> Array | float:
             if block.name in coordinates:
@@ -180,7 +176,6 @@ def build_nlp(request: Request, shared: Shared | None = None) -> ThrowNlp:
         integrator=scene.mesh.integrator,
         substeps=scene.mesh.substeps if scene.mesh.integrator == "rk4" else 1,
         instants=INSTANTS["carry" in request.refinement.lazy],
-        jerk_control=manipulator.jerk_control,
         free_start=manipulator.start is None,
         initial_motion=manipulator.under_way is not None,
         angle=request.angle,

@@ -4,8 +4,8 @@ Phases      carry        full grip, the object sticks      T, free, in equal int
             opening      grip force falls, object slides   fixed length, graded intervals
             flight       from detach to the landing        t_f, free, in closed form
             early, late  window around the opening         fixed length, robust plans only
-States      q, dq, ddq (where c is jerk); T; rel: slip, angle in the pads, their rates
-Controls    c: jerk or acceleration, constant in an interval; t_f at detach
+States      q, dq, ddq; T; rel: slip, angle in the pads, their rates
+Controls    c: jerk, constant in an interval; t_f at detach
 Minimise    w_T T + integral of w_a sum (ddq / ddq_max)^2 + w_j sum (jerk / jerk_max)^2 dt to the
             last node, with weights of [cost], and limits less margins; price of an elastic
             landing's miss; costs of a robust method
@@ -24,12 +24,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from ...models import Trajectory
+from ...models.robot import PlanarHand
 from .request import Request, Weights
 from .scene_constraint import Brake, Flight, Instant, SceneConstraint, gripped_instants
-from .stages import DDQ, DQ, JERK_UNIT, PLACE, REL, SLACKS, T_F, Block, Q, Stage, T
+from .stages import DDQ, DQ, JERK, JERK_UNIT, PLACE, REL, SLACKS, T_F, Block, Q, Stage, T
 from .transcription import Hand, Interval, Node, Ocp
 
 #: Shortest carry and longest flight [s] of a plan.
@@ -41,8 +41,7 @@ def variable_bounds(request: Request) -> dict[str, tuple[Any, Any]]:
     limits, scene = request.manipulator.planning, request.scene
     # The opening command follows the start, and precedes the opening by dwell and mean delay.
     command = scene.gripper.profile().dwell + scene.mean_delay + request.nodes[0]
-    control = limits.ddq if limits.jerk is None else limits.jerk / JERK_UNIT
-    control = control * (1.0 - request.refinement.margins["torque rate"])
+    control = limits.jerk / JERK_UNIT * (1.0 - request.refinement.margins["torque rate"])
     return {
         "q": (limits.q_min, limits.q_max),
         "dq": (-limits.dq, limits.dq),
@@ -67,7 +66,7 @@ class ThrowProblem:
         self.ocp.discretise(self.variables, self.initial_state())
         for interval in self.ocp.intervals():
             if interval.phase == "opening":
-                self.opening_constraints(interval)
+                self.scene_constraints(Instant.of(interval, ca.SX(0), "opening"))
             self.dynamics(interval)
             self.objective(interval)
             self.coordinate_limits(interval)
@@ -84,7 +83,7 @@ class ThrowProblem:
     def variables(self, k: int) -> Stage:
         """States and controls at node k; `land` adds the flight time at detach."""
         s, n, stage, known = self.ocp.structure, self.ocp.n, Stage(), self.initial_state()
-        for block in (Q, DQ, DDQ) if s.jerk_control else (Q, DQ):
+        for block in (Q, DQ, DDQ):
             if k > 0 or block not in known:
                 stage.state(block, n)
         if k < s.carry:
@@ -94,7 +93,7 @@ class ThrowProblem:
         for constraint in self.constraints:
             constraint.add_states(self.ocp, k, stage)
         if k < s.last:
-            stage.control(self.ocp.control, n)
+            stage.control(JERK, n)
         return stage
 
     def initial_state(self) -> dict[Block, ca.SX]:
@@ -106,7 +105,7 @@ class ThrowProblem:
         return pose | {DQ: ocp.each("start_rate"), DDQ: ocp.each("start_acceleration")}
 
     def dynamics(self, interval: Interval) -> None:
-        """d3q/dt3 = c (a free hand: d2q/dt2 = c); dT/dt = 0; rel follows the sliding pivot."""
+        """d3q/dt3 = c; dT/dt = 0; rel follows the sliding pivot."""
         if interval.phase == "opening":
             interval.set_sliding_pivot()
         for block, end in zip((Q, DQ, DDQ), interval.at(interval.dt), strict=True):
@@ -118,34 +117,24 @@ class ThrowProblem:
         """The effort of the interval, and in the first one the price of the carry's time."""
         ocp, weights = self.ocp, Weights(*ca.vertsplit(interval.p("weights", len(Weights._fields))))
         first, last = (interval.at(t)[2] / ocp.each("ddq_max") for t in (ca.SX(0), interval.dt))
-        jerk = ca.SX.zeros(ocp.n)
-        if ocp.structure.jerk_control:
-            jerk = JERK_UNIT * interval.stage.controls[ocp.control] / ocp.each("jerk_max")
+        jerk = JERK_UNIT * interval.stage.controls[JERK] / ocp.each("jerk_max")
         interval.add_objective(interval.dt * ca.sum1(mean_effort(first, last, jerk, weights)))
         if interval.k == 0:
             interval.add_objective(weights.carry_time * interval.stage.states[T])
 
     def coordinate_limits(self, interval: Interval) -> None:
         """Positions and velocities inside their limits between the nodes, by inner Bezier control
-        points; an arm's opening intervals, some ms long, rely on the position margin."""
+        points; an arm's opening intervals, some ms long, rely on the position margin, which a free
+        hand does not have."""
         ocp, dt, (q, dq, ddq) = self.ocp, interval.dt, interval.coordinates
         if DQ in interval.stage.states:
             for constraint in self.constraints:
                 constraint.at_rate(interval, q, dq)
-        if not ocp.structure.jerk_control:
-            interval.limit_position("position", q + dq * dt / 2)
-            return
         interval.limit("velocity", (dq + ddq * dt / 2) / ocp.each("dq_max"))
-        if interval.phase != "opening":
+        if interval.phase != "opening" or isinstance(ocp.kinematics, PlanarHand):
             interval.limit_position("position", q + dq * dt / 3)
             end, rate, _ = interval.at(dt)
             interval.limit_position("position", end - rate * dt / 3)
-
-    def opening_constraints(self, interval: Interval) -> None:
-        """At nodes; a free hand's acceleration steps at the first, where the full grip holds."""
-        steps = interval.k == self.ocp.structure.opens and not self.ocp.structure.jerk_control
-        constrain = self.grip_constraints if steps else self.scene_constraints
-        constrain(Instant.of(interval, ca.SX(0), "opening"))
 
     def grip_constraints(self, at: Instant) -> None:
         """The full grip holds the object: use <= 1 - sticking margin. With the scene's."""
@@ -181,8 +170,7 @@ class ThrowProblem:
         """From the last node each coordinate comes to rest inside its limits."""
         brake = Brake.of(last)
         last.limit_position("room to brake", brake.stop)
-        if self.ocp.structure.jerk_control:
-            last.limit("velocity", brake.peak / self.ocp.each("dq_max"))
+        last.limit("velocity", brake.peak / self.ocp.each("dq_max"))
         for constraint in self.constraints:
             constraint.at_rate(last, brake.place, brake.peak)
             constraint.at_last(brake)
@@ -201,8 +189,7 @@ def effort_of(request: Request, motion: Trajectory) -> float:
     limits, breaks, weights = request.manipulator.planning, motion.breaks, Weights.of(request.scene)
     ddq, jerk, lengths = motion.starts(2), motion.starts(3), breaks[1:] - breaks[:-1]
     first, last = ddq / limits.ddq, (ddq + lengths[:, None] * jerk) / limits.ddq
-    relative = np.zeros_like(jerk) if limits.jerk is None else jerk / limits.jerk
-    cost = (lengths @ mean_effort(first, last, relative, weights)).sum()
+    cost = (lengths @ mean_effort(first, last, jerk / limits.jerk, weights)).sum()
     return float(cost + weights.carry_time * breaks[request.scene.mesh.carry])
 
 

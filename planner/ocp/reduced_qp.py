@@ -1,9 +1,9 @@
 """The reduced variables `u` of a throw, and the NLP as a quadratic program in them.
 
-u, about 40 numbers, has the carry's duration, a free start and the controls (jerks, or a hand's
-accelerations). Gaps, collocation and flight time are equations for all other variables; eliminating
-these leaves a QP in u (a null-space method). One solve of it moves a throw to a nearby target
-inside all limits, with any change of the active set.
+u, about 40 numbers, has the carry's duration, a free start and the controls, jerks. Gaps,
+collocation and flight time are equations for all other variables; eliminating these leaves a QP in
+u (a null-space method). One solve of it moves a throw to a nearby target inside all limits, with
+any change of the active set.
 """
 
 from __future__ import annotations
@@ -70,7 +70,6 @@ class ReducedVariables:
         slack = SLACK * (high - low)
         slack[0] = ROUNDING
         core = MoveC(n=n, carry=carry, stages=stages, size=low.size, unit=JERK_UNIT)
-        core.by_jerk = manipulator.jerk_control
         core.before, (core.shortest, core.longest) = self.request.nodes[0], bounds["T"]
         rate, acceleration = manipulator.initial_motion
         arrays = {"rate": rate, "acceleration": acceleration, "opening": opening}

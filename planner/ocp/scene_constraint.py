@@ -116,14 +116,12 @@ class Brake(Node):
     def of(cls, node: Node) -> Brake:
         """The brake from a node."""
         ocp, (q, dq, ddq) = node.ocp, node.coordinates
-        place, rate, peak = q, dq, dq
-        if ocp.structure.jerk_control:
-            jerk, ahead = ocp.each("jerk_max"), dq / ca.sqrt(dq**2 + 1e-2)
-            turning = (ocp.each("braking") + ahead * ddq) / jerk
-            place = q + turning * (dq + turning * (ddq / 2 - turning * ahead * jerk / 6))
-            rate = dq + turning * (ddq - turning * ahead * jerk / 2)
-            # Until the acceleration is zero the rate grows.
-            peak = dq + ddq * ca.sqrt(ddq**2 + 1e-2) / (2 * jerk)
+        jerk, ahead = ocp.each("jerk_max"), dq / ca.sqrt(dq**2 + 1e-2)
+        turning = (ocp.each("braking") + ahead * ddq) / jerk
+        place = q + turning * (dq + turning * (ddq / 2 - turning * ahead * jerk / 6))
+        rate = dq + turning * (ddq - turning * ahead * jerk / 2)
+        # Until the acceleration is zero the rate grows.
+        peak = dq + ddq * ca.sqrt(ddq**2 + 1e-2) / (2 * jerk)
         return cls(ocp, node.stage, node.k, place, rate, peak)
 
     @property
@@ -141,8 +139,8 @@ def gripped_instants(interval: Interval) -> list[Instant]:
     s, k = interval.ocp.structure, interval.k
     parts = s.instants if interval.phase == "carry" else 1
     given = k == 0 and not s.free_start
-    # A continuous acceleration was constrained at the end of the interval before.
-    first = given or (k not in (0, s.carry) and (s.jerk_control or k > s.carry))
+    # The acceleration is continuous: its begin was constrained as the interval before ended.
+    first = given or k not in (0, s.carry)
     start = [Instant.of(interval, ca.SX(0), "full", given=True)] if given else []
     scope, (share,) = interval.at_instants(np.arange(first, parts + 1) / parts)
     return [*start, Instant(interval.ocp, scope.stage, *interval.at(share * interval.dt), "full")]

@@ -4,8 +4,8 @@ The decision vector, stage by stage (n coordinates; C carry intervals, O opening
 
     stage          states                                     controls
     k = 0          q (n, unless the start is given), T         c (n)
-    0 < k < C      q (n), dq (n), ddq (n, jerk control), T     c (n)
-    k = C          q (n), dq (n), ddq (n, jerk control)        c (n)
+    0 < k < C      q (n), dq (n), ddq (n), T                   c (n)
+    k = C          q (n), dq (n), ddq (n)                      c (n)
     C < k < C + O  like k = C, rel (6; 4 without the pivot)    c (n), acc (collocation)
     k = C + O      like k = C, rel                             t_f, those of scene constraints
 
@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from ...models import Array
 
-#: Unit of the jerk control [rad/s^3]: the variables are of order one.
+#: Unit of the control, the jerk [rad/s^3; m/s^3]: the variables are of order one.
 JERK_UNIT = 1000.0
 
 
@@ -52,7 +52,6 @@ class Structure:
     integrator: str
     substeps: int
     instants: int
-    jerk_control: bool
     free_start: bool
     initial_motion: bool
     angle: bool
@@ -101,9 +100,8 @@ class Block:
 Q = Block("q", "position", each=True)
 DQ = Block("dq", "velocity", each=True)
 DDQ = Block("ddq", "acceleration", each=True)
-#: Controls, constant in an interval: jerk of the coordinates [`JERK_UNIT`], or acceleration.
+#: Controls, constant in an interval: jerk of the coordinates [`JERK_UNIT`].
 JERK = Block("c", "jerk", each=True)
-ACCELERATION = Block("c", "acceleration", each=True)
 #: Duration [s] of the carry: the release timing.
 T = Block("T", "carry time")
 #: State of the object in the pads: slip [m], angle [rad], and their rates.

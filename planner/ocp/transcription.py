@@ -29,7 +29,6 @@ from ...problems import Mesh
 from ..throw import Manipulator
 from .stages import (
     ACC,
-    ACCELERATION,
     DDQ,
     DQ,
     JERK,
@@ -71,7 +70,6 @@ class Ocp:
         self.flight = FlightLaw(self.gravity, bias)
         self.grasp_angle = p("grasp_angle")
         self.initial: dict[Block, ca.SX] = {}
-        self.control = JERK if structure.jerk_control else ACCELERATION
         self.rel_size = 6 if structure.pivot else 4
         self.stages: list[Stage] = []
 
@@ -215,7 +213,7 @@ class Node(Scope):
 
     @property
     def coordinates(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """q, dq and (jerk control) ddq: states, or known initial values."""
+        """q, dq, ddq: states, or known initial values."""
         values = self.ocp.initial | self.stage.states
         return values[Q], values[DQ], values[DDQ]
 
@@ -275,15 +273,12 @@ class Interval(Node):
     def at(self, t: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """q, dq, ddq at time t [s] after the node."""
         q, dq, ddq = self.coordinates
-        c = self.stage.controls[self.ocp.control]
-        if self.ocp.structure.jerk_control:
-            jerk = JERK_UNIT * c
-            return (
-                q + t * (dq + t * (ddq / 2 + t * jerk / 6)),
-                dq + t * (ddq + t * jerk / 2),
-                ddq + t * jerk,
-            )
-        return q + t * (dq + t * c / 2), dq + t * c, c
+        jerk = JERK_UNIT * self.stage.controls[JERK]
+        return (
+            q + t * (dq + t * (ddq / 2 + t * jerk / 6)),
+            dq + t * (ddq + t * jerk / 2),
+            ddq + t * jerk,
+        )
 
     def hand_at(self, share: float) -> Hand:
         """The hand at a share of the interval."""

@@ -242,9 +242,11 @@ def _reached(scene: Scene, manipulator: Manipulator, throws: Releases) -> Flags:
     if manipulator.start is None:
         return np.ones(len(throws.q), dtype=bool)
     limits, distance = manipulator.planning, np.abs(_start(manipulator, throws) - manipulator.start)
-    times = [15 / 8 * distance / limits.dq, np.sqrt(10 / math.sqrt(3) * distance / limits.ddq)]
-    if limits.jerk is not None:
-        times.append(np.cbrt(60 * distance / limits.jerk))
+    times = [
+        15 / 8 * distance / limits.dq,
+        np.sqrt(10 / math.sqrt(3) * distance / limits.ddq),
+        np.cbrt(60 * distance / limits.jerk),
+    ]
     needed = np.max(times, axis=0).max(axis=1, initial=0.0)
     return np.asarray(needed + throws.run_up <= scene.mesh.carry_max)
 

@@ -11,10 +11,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...models import Array, ReadOnly, Trajectory
+from ...models import Array, ReadOnly
 from ...models.robot import PlanarArm
 from ...problems import InputError, Scene
-from ...problems.files import plain, read_csv, read_json
+from ...problems.files import read_csv, read_json
 from ...problems.scene_files import scene_from_table
 from ..show import over_time
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
@@ -22,8 +22,6 @@ from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
 Status = Literal["solved", "not_found"]
 #: Version of plan.json; `read_plan` refuses other versions.
 FORMAT = 1
-#: Largest difference [m, rad] of samples in motion.csv from the planned motion of a free hand.
-SAME_MOTION = 1e-6
 #: Columns of a free hand's motion.csv: poses, velocities, accelerations.
 HAND_COLUMNS = (("x", "z", "theta"), ("vx", "vz", "omega"), ("ax", "az", "alpha"))
 #: Files of a plan's folder.
@@ -72,7 +70,7 @@ def path_of(throw: Throw) -> PlanPath:
     line, kinematics = over_time(throw), throw.manipulator.kinematics
     joints = None
     if isinstance(kinematics, PlanarArm):
-        moving = throw.to_rest.at(line.times).pose.T
+        moving = throw.path.at(line.times).pose.T
         joints = kinematics.all_joints(moving, throw.target.plane.azimuth)
     return PlanPath(line.times, line.com.T, line.hand.T, joints)
 
@@ -92,17 +90,12 @@ def read_plan(path: str | Path) -> SavedThrow:
         opening_time = float(plan["release"]["opening_time"])
     manipulator = make_manipulator(scene)
     samples = read_samples(path.parent / "motion.csv", _columns(manipulator))
-    motion = samples.path
-    if scene.robot is None and "motion" in plan:  # Plans of earlier versions have samples only.
-        with complete(path, "is not a complete plan file"):
-            detach = opening_time + scene.gripper.profile().opening
-            motion = _planned_motion(plan["motion"], samples, detach - 1e-6)
     end = float(samples.times[-1])
     if not 0.0 <= opening_time <= end:
         raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
     words: dict[str, Any] = {key: str(plan.get(key, "")) for key in ("status", "message")}
     words["robust"] = bool(plan.get("robust"))
-    throw = SavedThrow(scene, manipulator, motion, opening_time, samples, **words)
+    throw = SavedThrow(scene, manipulator, samples.path, opening_time, samples, **words)
     if not throw.lands:
         raise InputError(f"{path}: its throw never falls to the target's height")
     if scene.target is None or scene.target.velocity is None:
@@ -123,33 +116,9 @@ def check_hits(path: str | Path, option: str = "--nearest") -> None:
         )
 
 
-def entries_of(plan: dict[str, Any], throw: Throw | None, scene: Scene) -> dict[str, Any]:
-    """plan.json of a plan's `to_dict`: with the scene that `read_plan` needs, and the pieces of a
-    free hand's motion, highest power first, by axis."""
-    found = {"format": FORMAT, **plan, "definition": scene.table()}
-    if throw is not None and scene.robot is None:
-        motion = throw.path
-        pieces = {"coefficients": motion.coefficients[..., 0], "kinks": motion.kinks}
-        found["motion"] = plain({"breaks": motion.breaks, **pieces})
-    return found
-
-
-def _planned_motion(entries: dict[str, Any], samples: Samples, detach: float) -> Trajectory:
-    """The motion of `entries_of`; InputError unless it goes on until `detach` [s] and the
-    samples are of it."""
-    breaks, pieces, kinks = (
-        np.array(entries[k], float) for k in ("breaks", "coefficients", "kinks")
-    )
-    if pieces.shape[1:] != (samples.q.shape[1], len(breaks) - 1) or not (np.diff(breaks) > 0).all():
-        raise ValueError
-    motion = Trajectory(breaks, pieces[..., None], kinks)
-    if motion.end < detach:
-        raise InputError("motion: ends before the pads are open")
-    times = samples.times[samples.times <= motion.end]
-    off = np.abs(motion.at(times).pose.T - samples.q[: len(times)])
-    if not off.max(initial=0.0) <= SAME_MOTION:
-        raise InputError("motion: is not that of motion.csv")
-    return motion
+def entries_of(plan: dict[str, Any], scene: Scene) -> dict[str, Any]:
+    """plan.json of a plan's `to_dict`, with the scene that `read_plan` needs."""
+    return {"format": FORMAT, **plan, "definition": scene.table()}
 
 
 @contextmanager

@@ -148,12 +148,12 @@ class SentMotion(ReadOnly):
         first, throw = self.carries[0], self.throw
         plane, at = throw.target.plane, np.clip(times, 0.0, self.duration)
         if self.arm is None:
-            hand = plane.poses(throw.manipulator.hand(throw.to_rest).at(at).pose)
+            hand = plane.poses(throw.manipulator.hand(throw.path).at(at).pose)
             return np.empty((len(times), 0, 4, 4)), hand
         q = self.samples.path.at(np.append(at, first.begin)).pose.T
         frames = SpatialArm(self.arm).frames(q)[1:].swapaxes(0, 1)
         # The hand is fixed to the last frame: as it is where the first swing begins.
-        held = plane.poses(throw.manipulator.hand(throw.to_rest).at(np.zeros(1)).pose)
+        held = plane.poses(throw.manipulator.hand(throw.path).at(np.zeros(1)).pose)
         hand = frames[:-1, -1] @ np.linalg.inv(frames[-1, -1]) @ held[0]
         return frames[:-1, :-1], hand
 

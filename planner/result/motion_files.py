@@ -41,7 +41,7 @@ def part_thrown(
     own = samples[begin : end + 1, [j - 1 for j in kinematics.throwing_joints]]
     arm = manipulator.from_state(State(own.q[0], own.dq[0], own.ddq[0]))
     sent = braked(arm.hard, own)
-    return Throw.sent(scene, arm, sent.path, sent, opening_time - TICK * begin)
+    return Throw.sent(scene, arm, sent, opening_time - TICK * begin)
 
 
 def carry_entries(carry: Carry) -> dict[str, Any]:

@@ -200,7 +200,7 @@ class Plan:
         error, release = dict.fromkeys(landing), dict.fromkeys(MOMENTS)
         if self.throw is not None:
             poses = self.throw.landings
-            landing = {name: pose and self._json_pose(pose) for name, pose in poses.items()}
+            landing = {name: self._json_pose(pose) for name, pose in poses.items()}
             error = {name: self._json_error(poses[name]) for name in error}
             release = {name: plain(getattr(self.throw.deciding, name)) for name in MOMENTS}
         return {"landing": landing, "error": error, "release": release}
@@ -270,9 +270,8 @@ class Plan:
                     show.draw_throw_moving(throw, folder / "throw.gif")
                 seconds = {"draw": time.perf_counter() - start}
                 plan = replace(self, time=self.time | seconds)
-        thrown = None if self.throw is None else self.throw.deciding
         aimed = self.scene.aimed_at(self.target)
-        write_json(folder / "plan.json", entries_of(plan.to_dict(), thrown, aimed))
+        write_json(folder / "plan.json", entries_of(plan.to_dict(), aimed))
         return plan
 
     def draw(self, file: str | Path | None = None) -> Figure:
@@ -398,9 +397,7 @@ class Plan:
         x_base, y_base, _ = map(float, self.target.plane.points(x, z))
         return plain({"x": x_base, "y": y_base, "z": z, "theta": theta})
 
-    def _json_error(self, pose: tuple[float, float, float] | None) -> Any:
-        if pose is None:
-            return None
+    def _json_error(self, pose: tuple[float, float, float]) -> Any:
         position, angle = self.goal.miss(pose[0], pose[2])
         return plain({"position": abs(position), "angle": abs(angle)})
 

@@ -39,8 +39,6 @@ class PlannedThrow:
     @cached_property
     def exact(self) -> Throw:
         """The planned motion by the sliding pivot."""
-        if self.scene.robot is None:
-            return self.deciding.sliding_pivot
         return replace(self.deciding, path=self.planned, model=SLIDING_PIVOT)
 
     @cached_property
@@ -80,22 +78,19 @@ class PlannedThrow:
         return self.deciding.samples
 
     @property
-    def landings(self) -> dict[str, tuple[float, float, float] | None]:
-        """Landings x, z [m], theta [rad] by their key in plan.json; a free hand sends no motion."""
-        sent = None if self.scene.robot is None else self.deciding.sliding_pivot.landing.pose
+    def landings(self) -> dict[str, tuple[float, float, float]]:
+        """Landings x, z [m], theta [rad] by their key in plan.json."""
         return {
             "planned": self.planned_landing,
             "exact": self.exact.landing.pose,
-            "sent": sent,
+            "sent": self.deciding.sliding_pivot.landing.pose,
             "limit_surface": self.deciding.limit_surface.landing.pose,
         }
 
     @property
     def decides(self) -> str:
         """Key of the deciding landing."""
-        if self.scene.tolerance.model == STEPPED_SURFACE:
-            return "limit_surface"
-        return "exact" if self.scene.robot is None else "sent"
+        return "limit_surface" if self.scene.tolerance.model == STEPPED_SURFACE else "sent"
 
     @property
     def landing_time(self) -> float:

@@ -414,7 +414,6 @@ class LearningControl:
     def _limits(self) -> tuple[Array, Array, Array]:
         """Rows between bounds: positions, rates, accelerations and jerks of what is sent."""
         limits, n = self.plan.manipulator.hard, len(self.reach[0])
-        assert limits.jerk is not None
         q, dq = (basis[:: LIMITS.spacing] for basis in self.basis[:2])
         ddq = self.basis[2][:: round(LEARNING.knot / TICK)]
         jerk = np.diff(ddq, axis=0) / LEARNING.knot

@@ -232,7 +232,7 @@ def _solved(
             broken = (SENDING,)
             break
         with budget("check"):
-            throw = Throw.sent(task.scene, manipulator, planned, samples, opens)
+            throw = Throw.sent(task.scene, manipulator, samples, opens)
             x_nlp, z_nlp, theta_nlp = map(float, nlp.landing(solution.x, numbers).full().ravel())
             miss = aim.miss(throw, (x_nlp, theta_nlp))
         missed = error_over(*miss, aim.accuracy)

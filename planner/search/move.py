@@ -94,11 +94,9 @@ class Corrector:
         planned, release = Trajectory(breaks, cubics, breaks), Release.from_nodes(nodes)
         if not move.surface:
             release = Release.from_nodes(nodes, list(found.onset), bool(found.lost))
-        is_arm = manipulator.hard.jerk is not None
-        samples = self._sent(found) if is_arm else send(manipulator, planned)
-        u = found.kept["u"].copy()
+        samples, u = self._sent(found), found.kept["u"].copy()
         opens = self.controls.opening_time(u)
-        thrown = Throw.sent(task.scene, manipulator, planned, samples, opens).released(release)
+        thrown = Throw.sent(task.scene, manipulator, samples, opens).released(release)
         effort, size = effort_of(self.controls.request, planned), optimum.nlp_size
         throw = PlannedThrow(planned, thrown, effort, size, optimum.refinement, optimum=optimum)
         return throw, u
@@ -113,7 +111,7 @@ class Corrector:
         except SmoothingError:
             return None
         opens = throw.opening_time
-        thrown = Throw.sent(task.scene, manipulator, throw.planned, samples, opens)
+        thrown = Throw.sent(task.scene, manipulator, samples, opens)
         return replace(throw, deciding=thrown, optimum=near.optimum), near.optimum.u
 
     @cached_property
@@ -123,10 +121,10 @@ class Corrector:
         # Its motion and delay are those of each move.
         rest = Trajectory.accelerating(np.zeros(manipulator.size))
         release = compiled_release(case_of(scene, manipulator.hand(rest)))
-        found, limits = self.controls.core.copy(), manipulator.hard
+        found = self.controls.core.copy()
         found.surface, found.throws = scene.tolerance.model == STEPPED_SURFACE, THROWS
         found.nearer, found.gravity = MIN_PROGRESS, scene.gravity
-        found.attach(limits=None if limits.jerk is None else limits.core, release=release)
+        found.attach(limits=manipulator.hard.core, release=release)
         return found
 
     @cached_property
@@ -152,7 +150,7 @@ class Corrector:
         return found
 
     def _sent(self, found: MovedC) -> Samples:
-        """The samples that an arm is sent."""
+        """The samples that are sent."""
         rows, n, kept = found.sent.rows, self.problems.manipulator.size, found.kept
         samples = found.samples[:, :rows]
         curves = kept["curves"][: 6 * n * (rows - 1)].reshape(6, n, rows - 1, 1)

@@ -72,7 +72,7 @@ def timeline(throw: Throw) -> Timeline:
         after = rest_motion(scene, throw.deciding.landing.start)
     end = landing if after is None else max(landing, detach + after.times[-1])
     times = np.arange(0.0, end + TICK / 2, TICK)
-    pose, twist, acceleration = throw.manipulator.hand(throw.to_rest).at(times)
+    pose, twist, acceleration = throw.manipulator.hand(throw.path).at(times)
     com, rate, phase = _object(throw, times, pose, twist)
     if after is not None:
         free, late = times > detach, times > landing

@@ -22,8 +22,6 @@ from .throw import EXACT, Throw
 
 #: Longest cell [s] of the hand's tabulated motion.
 CELL = 1e-4
-#: Distance [s] from a cell's ends at which its acceleration is read; it may step at the ends.
-INSIDE_CELL = 1e-10
 #: Names of the hand's errors, in the order of `HandError`.
 HAND = ("hand_x", "hand_z", "hand_theta", "hand_vx", "hand_vz", "hand_omega")
 
@@ -90,13 +88,9 @@ class ThrowBatch:
         """Throws of a motion, with the hand tabulated over `reach`."""
         early, late, longest = reach
         begin = throw.opening_time
-        span = max(begin + early, 0.0), min(begin + late + longest, throw.to_rest.end)
+        span = max(begin + early, 0.0), min(begin + late + longest, throw.path.end)
         chosen = model or throw.model or throw.scene.tolerance.model
-        hands = tabulated(throw, span)
-        if not throw.path.held:
-            # With the brake of a free hand, which rests before and after.
-            throw = replace(throw, path=replace(throw.to_rest, held=True))
-        return cls(throw, target, chosen, tuple(names), hands, reach)
+        return cls(throw, target, chosen, tuple(names), tabulated(throw, span), reach)
 
     @property
     def scene(self) -> Scene:
@@ -239,10 +233,9 @@ def flight_of(throw: Throw) -> BatchFlights:
 def tabulated(throw: Throw, span: tuple[float, float]) -> Trajectory:
     """The hand of a throw over `span` [s] of its own clock, counted from its opening.
 
-    At rest before time 0 and after the end. Its pieces are divided evenly. Kinks: where the
-    acceleration of a free hand steps; samples have none.
+    At rest before time 0 and after the end. Its pieces are divided evenly.
     """
-    motion = throw.to_rest
+    motion = throw.path
     times, hand = motion.breaks, throw.manipulator.hand(motion)
     inside = times[(times > span[0]) & (times < span[1])]
     ends = np.concatenate([[span[0]], inside, [span[1]]])
@@ -252,18 +245,16 @@ def tabulated(throw: Throw, span: tuple[float, float]) -> Trajectory:
         for begin, end, count in zip(ends[:-1], ends[1:], parts, strict=True)
     ]
     edges = np.concatenate([*pieces, [span[1]]])
-    start, end = (hand.at(side) for side in (edges[:-1] + INSIDE_CELL, edges[1:] - INSIDE_CELL))
-    slope = (end.acceleration - start.acceleration) / np.diff(edges)
-    cells = np.stack([slope / 6, start.acceleration / 2, start.twist, start.pose])
-    knots, kinks = edges - throw.opening_time, np.empty(0) if throw.path.held else motion.kinks
-    kinks = kinks[(kinks > span[0]) & (kinks < span[1])] - throw.opening_time
+    at, knots = hand.at(edges), edges - throw.opening_time
+    slope = np.diff(at.acceleration) / np.diff(edges)
+    cells = np.stack([slope / 6, *(v[:, :-1] for v in (at.acceleration / 2, at.twist, at.pose))])
     # At rest before and after: cells of the pose alone.
     if span[0] <= 0.0:
         knots = np.append(knots[0] - 1.0, knots)
         cells = np.insert(cells, 0, 0.0, axis=2)
-        cells[-1, :, 0] = start.pose[:, 0]
+        cells[-1, :, 0] = at.pose[:, 0]
     if span[1] >= motion.end:
         knots = np.append(knots, knots[-1] + 1.0)
         cells = np.insert(cells, cells.shape[2], 0.0, axis=2)
-        cells[-1, :, -1] = end.pose[:, -1]
-    return Trajectory(knots, cells[..., None], kinks)
+        cells[-1, :, -1] = at.pose[:, -1]
+    return Trajectory(knots, cells[..., None], np.empty(0))

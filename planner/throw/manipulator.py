@@ -21,7 +21,7 @@ from ...models.robot import (
     about_z,
     hand_motion,
 )
-from ...problems import Hand, InputError, Scene
+from ...problems import Hand, InputError, Robot, Scene
 
 #: Least cosine between the pads' closing and the normal of the throwing plane: 0.08 deg.
 SQUARE = 1 - 1e-6
@@ -30,6 +30,8 @@ ROUNDING = 1e-9
 #: Share of [torque] rate that the jerks' limits leave to all else, and number of poses [-] at which
 #: the arm's inertia is computed.
 RATE_RESERVE, RATE_POSES = 0.15, 500
+#: Jerk over acceleration [1/s] of a free hand where the scene gives no jerk.
+JERK_RATE = 100.0
 
 
 @dataclass(frozen=True)
@@ -44,17 +46,15 @@ class Limits(ReadOnly):
     q_max: Array
     dq: Array
     ddq: Array
-    jerk: Array | None
+    jerk: Array
     slowing: Array | None = None
 
     @cached_property
     def core(self) -> LimitsC:
         """The limits as the compiled core takes them."""
         n, found = len(self.dq), LimitsC(slows=self.slowing is not None)
-        jerk = np.full(n, np.inf) if self.jerk is None else self.jerk
-        for name in ("q_min", "q_max", "dq", "ddq"):
+        for name in ("q_min", "q_max", "dq", "ddq", "jerk"):
             getattr(found, name)[:n] = getattr(self, name).tolist()
-        found.jerk[:n] = jerk.tolist()
         for row, values in enumerate(() if self.slowing is None else self.slowing):
             found.slowing[row][:n] = values.tolist()
         return found
@@ -62,8 +62,7 @@ class Limits(ReadOnly):
     @cached_property
     def longest_brake(self) -> float:
         """Longest time [s] of a brake within these limits, from any rate and acceleration."""
-        turning = 0.0 if self.jerk is None else 3 * self.ddq / self.jerk
-        return float((self.dq / self.ddq + turning).max())
+        return float((self.dq / self.ddq + 3 * self.ddq / self.jerk).max())
 
     def velocity(self, q: Array) -> tuple[Array, Array]:
         """Lowest and highest velocity [rad/s; m/s] at positions q (..., n)."""
@@ -127,8 +126,7 @@ class Manipulator(ReadOnly):
 
     motion: (q, dq, ddq), each (n, K) -> pose, twist, acceleration of the hand, each (3, K).
     planning: limits with margins, for the NLP; hard: the real ones, for the check.
-    jerk_control: whether the acceleration is a state and the jerk the control. under_way: rates and
-    accelerations (n,) at the given start; None: it is at rest.
+    under_way: rates and accelerations (n,) at the given start; None: it is at rest.
     """
 
     kinematics: PlanarArm | PlanarHand
@@ -136,7 +134,6 @@ class Manipulator(ReadOnly):
     planning: Limits
     hard: Limits
     start: Array | None
-    jerk_control: bool
     under_way: tuple[Array, Array] | None = None
 
     def from_state(self, state: State) -> Manipulator:
@@ -188,16 +185,23 @@ def make_manipulator(scene: Scene) -> Manipulator:
 
 
 def _hand_manipulator(hand: Hand) -> Manipulator:
+    """With the usual margins of an arm, but none of position."""
     kinematics = PlanarHand(hand.turns, hand.theta[0])
     n = kinematics.coordinates
     low, high = np.array([hand.x, hand.z, hand.theta]).T[:, :n]
     speed = np.array([hand.speed, hand.speed, hand.angular_speed or 0.0])[:n]
     rate = np.array([hand.acceleration, hand.acceleration, hand.angular_acceleration or 0.0])[:n]
+    given = np.array([hand.jerk, hand.jerk, hand.angular_jerk], float)[:n]
     start = None if hand.start is None else np.array([*hand.start, hand.start_theta or 0.0])[:n]
-    limits = Limits(low, high, speed, rate, None)
-    return Manipulator(
-        kinematics, hand_motion(kinematics), limits, limits, start, jerk_control=False
+    hard = Limits(low, high, speed, rate, np.where(np.isnan(given), JERK_RATE * rate, given))
+    planning = Limits(
+        low,
+        high,
+        speed * (1 - Robot.velocity_margin),
+        rate * (1 - Robot.acceleration_margin),
+        hard.jerk * (1 - Robot.jerk_margin),
     )
+    return Manipulator(kinematics, hand_motion(kinematics), planning, hard, start)
 
 
 def _check_plane(kinematics: PlanarArm) -> None:
@@ -238,7 +242,6 @@ def _arm_manipulator(scene: Scene) -> Manipulator:
     if hard.slowing is not None:
         # Velocity limits reduced to `share` at all positions.
         slower = hard.slowing * np.array([[share**2], [share], [1.0], [1.0]])
-    assert hard.jerk is not None
     planning = Limits(
         hard.q_min + robot.position_margin,
         hard.q_max - robot.position_margin,
@@ -253,7 +256,6 @@ def _arm_manipulator(scene: Scene) -> Manipulator:
         planning,
         hard,
         start=None if robot.start is None else np.array(robot.start),
-        jerk_control=robot.control == "jerk",
     )
 
 
@@ -264,7 +266,7 @@ def _with_torque_rate(scene: Scene, kinematics: PlanarArm, limits: Limits) -> Li
     of their sizes; gravity, velocities and the object's release get `RATE_RESERVE`.
     """
     rate = scene.torque_rate
-    if rate is None or limits.jerk is None:
+    if rate is None:
         return limits
     dynamics, n = PlanarDynamics(kinematics), len(limits.jerk)
     random = np.random.default_rng(0)

@@ -1,9 +1,8 @@
 """The motion that is sent: samples every millisecond, from rest to rest.
 
-The compiled core samples an arm's planned motion and adds the brake: after detach each joint brakes
+The compiled core samples the planned motion and adds the brake: after detach each coordinate brakes
 as fast as its limits allow. Where the planned motion breaks a limit on velocity, acceleration or
-jerk, Ruckig follows its samples tick by tick within the limits. A hand has no jerk limit: its
-planned motion is sampled and it brakes at constant acceleration.
+jerk, Ruckig follows its samples tick by tick within the limits.
 """
 
 from __future__ import annotations
@@ -77,8 +76,6 @@ def send(manipulator: Manipulator, planned: Trajectory) -> Samples:
 
     Raises SmoothingError where Ruckig finds no motion within the limits.
     """
-    if manipulator.hard.jerk is None:
-        return Samples(*_braked_hand(manipulator.hard, planned))
     found = _sent_as_planned(manipulator, planned)
     if found is not None:
         return found
@@ -102,7 +99,7 @@ def _sent_as_planned(manipulator: Manipulator, planned: Trajectory) -> Samples |
 
 
 def braked(limits: Limits, samples: Samples, ease: float = 1.0) -> Samples:
-    """An arm's samples, and after the last of them its brake to rest within limits of its joints.
+    """Samples, and after the last of them the brake to rest within the limits.
 
     ease: share of the acceleration limit that the brake uses.
     """
@@ -189,7 +186,6 @@ def _chase(limits: Limits, wanted: Array, sent: Array, kept: Flags, first: int) 
     import ruckig
 
     n = len(limits.dq)
-    assert limits.jerk is not None
     most = SHARE * np.array([limits.dq, limits.ddq, limits.jerk])
     otg, trajectory, order = ruckig.Ruckig(n), ruckig.Trajectory(n), ruckig.InputParameter(n)
     order.max_velocity, order.max_acceleration, order.max_jerk = most.tolist()
@@ -211,25 +207,3 @@ def _chase(limits: Limits, wanted: Array, sent: Array, kept: Flags, first: int) 
     back = first + 1 + len(states)
     sent[:, first + 1 : back] = np.array(states).reshape(-1, 3, n).swapaxes(0, 1)
     return back
-
-
-def _braked_hand(limits: Limits, planned: Trajectory) -> list[Array]:
-    """Samples of a hand's planned motion, then of its brake from detach on.
-
-    Each axis brakes by itself, at nearly its acceleration limit.
-    """
-    detach = planned.end
-    ticks = math.floor(detach / TICK + 1e-9)
-    moved = [values.T for values in planned.at(np.asarray(TICK * np.arange(ticks + 1)))]
-    q, dq, _ = (values[:, 0] for values in planned.at(np.array([detach])))
-    braking = -np.sign(dq) * SHARE * limits.ddq
-    stop = np.abs(dq) / (SHARE * limits.ddq)
-    count = math.ceil((detach + float(stop.max())) / TICK) - ticks + 1
-    since = (TICK * (ticks + np.arange(1, count + 1)) - detach)[:, None]
-    t = np.minimum(since, stop)
-    braked = [
-        q + dq * t + braking * t * t / 2,
-        np.where(since < stop, dq + braking * t, 0.0),
-        np.where(since < stop, braking, 0.0),
-    ]
-    return [np.vstack(pair) for pair in zip(moved, braked, strict=True)]

@@ -67,11 +67,11 @@ class Throw:
     """A motion thrown to the height of its scene's target.
 
     scene: aimed at the target (a cup moves with it). path: the motion of the manipulator's
-    coordinates that is judged, from rest at time 0: that of the samples for an arm, the planned
-    one, up to detach, for a free hand. opening_time [s]: start of the grip force's fall. samples:
-    what is sent, at 1 kHz from rest to rest; empty if nothing is. model: name of the release model
-    in `EXACT`; empty for that of the scene's tolerance. error: of the hand against its motion.
-    known_release: the `release`, if it is computed already.
+    coordinates that is judged, from rest at time 0: that of the samples, or a planned one up to
+    detach. opening_time [s]: start of the grip force's fall. samples: what is sent, at 1 kHz from
+    rest to rest; empty if nothing is. model: name of the release model in `EXACT`; empty for that
+    of the scene's tolerance. error: of the hand against its motion. known_release: the `release`,
+    if it is computed already.
     """
 
     scene: Scene
@@ -90,16 +90,10 @@ class Throw:
 
     @classmethod
     def sent(
-        cls,
-        scene: Scene,
-        manipulator: Manipulator,
-        planned: Trajectory,
-        samples: Samples,
-        opening_time: float,
+        cls, scene: Scene, manipulator: Manipulator, samples: Samples, opening_time: float
     ) -> Throw:
         """The throw of a sent motion."""
-        counts = planned if scene.robot is None else samples.path
-        return cls(scene, manipulator, counts, opening_time, samples)
+        return cls(scene, manipulator, samples.path, opening_time, samples)
 
     def __repr__(self) -> str:
         """One line instead of the arrays."""
@@ -204,29 +198,6 @@ class Throw:
     def hand(self, times: npt.ArrayLike) -> HandSamples:
         """The hand at `times` (K,) [s] on the motion's clock."""
         return self.manipulator.hand(self.path).at(np.asarray(times, float))
-
-    @property
-    def until(self) -> float:
-        """End [s] of the motion that is judged: detach for a free hand, rest for an arm."""
-        return self.path.end
-
-    @cached_property
-    def to_rest(self) -> Trajectory:
-        """The whole motion; for a free hand with its brake, which only the samples have."""
-        samples = self.samples
-        if not len(samples.q) or self.path is samples.path:
-            return self.path
-        planned, end = self.path, self.path.end
-        first = min(math.ceil(end / TICK - 1e-9), len(samples.q) - 1)
-        # From detach to the next sample at the constant deceleration of the brake.
-        before, ddq = end - TICK * first, samples.ddq[first]
-        dq = samples.dq[first] + before * ddq
-        q = samples.q[first] + before * (dq + samples.dq[first]) / 2
-        step = Trajectory.cubics(
-            np.array([end, TICK * first]), *(v[None] for v in (q, dq, ddq, 0 * q))
-        )
-        between = [step] if before < -1e-12 else []
-        return Trajectory.joined([planned, *between, samples.path.beginning(first)])
 
     def flight(self, times: Array) -> Array:
         """CoM poses (3, N) at `times` (N,) [s] after detach."""

@@ -73,7 +73,6 @@ def transfer(
     import ruckig
 
     n = len(limits.dq)
-    assert limits.jerk is not None
     order, trajectory, otg = ruckig.InputParameter(n), ruckig.Trajectory(n), ruckig.Ruckig(n)
     for name, state in (("current", start), ("target", goal)):
         setattr(order, f"{name}_position", state.q.tolist())

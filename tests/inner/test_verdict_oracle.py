@@ -112,7 +112,7 @@ def compared(throw: Throw, oracle: Oracle, random: np.random.Generator) -> set[C
     """What both say of one change; they differ nowhere but where one of them is not sure."""
     scene = changed(throw.scene, random)
     late = random.uniform(-0.02, 0.03)
-    other = replace(throw, scene=scene, path=throw.to_rest).delayed(late)
+    other = replace(throw, scene=scene, path=throw.path).delayed(late)
     judged = Oracle(scene, oracle.samples, other.opening_time).judge(planned=True)
     found = {name: f for name, f in judged.found.items() if not name.startswith(("joint", "in "))}
     near = {name for name, f in found.items() if abs(f.value[0] - f.limit[0]) < MOVED}
@@ -146,7 +146,7 @@ def test_a_hand_without_a_palm_keeps_its_clearance_by_its_capsules(plan_of, save
         shape = LinkCapsule(8, (aside, 0.0, 0.1), (aside, 0.0, 0.25), 0.01)
         other = {"tool": replace(arm.tool, palm_half_width=0.0), "capsules": (*arm.capsules, shape)}
         scene = varied(throw.scene, workspace={"palm_clearance": 0.02}, arm=other)
-        again = replace(throw, scene=scene, manipulator=make_manipulator(scene), path=throw.to_rest)
+        again = replace(throw, scene=scene, manipulator=make_manipulator(scene), path=throw.path)
         judged = Oracle(scene, oracle.samples, again.opening_time).judge(planned=True)
         links = judged.found["flying bar, links"]
         if abs(links.value[0] - links.limit[0]) > MOVED:

@@ -208,7 +208,7 @@ def test_the_hand_goes_on_as_in_the_cycle(cycled) -> None:
     motion = read_motion(cycled)
     for step in motion.carries:
         throw, times = step.throw, 1e-3 * np.arange(step.free - step.join)
-        own = throw.target.plane.poses(throw.manipulator.hand(throw.to_rest).at(times).pose)
+        own = throw.target.plane.poses(throw.manipulator.hand(throw.path).at(times).pose)
         _, hand = motion.poses_at(times + 1e-3 * step.join)
         np.testing.assert_allclose(hand, own, rtol=0, atol=1e-9)
     times = np.array([0.0, 1e-3 * motion.carries[1].reach, 99.0])
