@@ -135,9 +135,8 @@ def test_broken_limits_are_named() -> None:
 
 @pytest.mark.parametrize("name", ["hand-flip", "pose"])
 def test_the_motion_to_rest_is_what_is_sent(name: str, plan_of) -> None:
-    """Of a free hand the planned pieces, then its brake; of an arm the samples' quintics."""
     throw = plan_of(name).throw.deciding
-    whole, samples = throw.to_rest, throw.samples
+    whole, samples = throw.path, throw.samples
     for wanted, found in zip((samples.q, samples.dq), whole.at(samples.times), strict=False):
         assert pytest.approx(wanted, abs=1e-9) == found.T
     beyond = whole.at(np.array([whole.end + 0.1]))

@@ -153,6 +153,9 @@ HAND | target: - | [target]; missing
 HAND | motion:  | [hand]; [motion]; one of
 HAND | hand.x: [0.4, -0.4] | x; [0.4, -0.4]; lowest
 HAND | hand.start: [2.0, 0.7] | start; x = 2; [-0.4, 0.4]
+HAND | hand.angular_jerk: 8000 | [hand]; angular_jerk; angular_speed
+HAND | hand.jerk: 0 | jerk = 0; above 0
+ROBOT | robot.control: "jerk" | [robot]; 'control'
 HAND | target.y: 0.1 | [target]; y; [robot]
 ROBOT | robot.arm: "pandas" | [robot]; 'pandas'; 'panda'?
 ROBOT | robot.start_deg: [-45, -135] | start_deg; 135; 3
