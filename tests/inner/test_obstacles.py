@@ -191,8 +191,8 @@ def test_the_arm_meets_itself(free, pose):
     assert ((folded > limits.q_min) & (folded < limits.q_max)).all()
     assert not clearances(final)
     begin, still = final.path.at([0.0]).pose.T, np.zeros((1, 3))
-    rate = (folded - begin) / final.until
-    path = Trajectory.cubics(np.array([0.0, final.until]), begin, rate, still, still)
+    rate = (folded - begin) / final.path.end
+    path = Trajectory.cubics(np.array([0.0, final.path.end]), begin, rate, still, still)
     words = [collision(c).words for c in clearances(dataclasses.replace(final, path=path))]
     assert any("meets link" in word or "meets base" in word for word in words)
 
