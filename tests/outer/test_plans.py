@@ -306,7 +306,8 @@ def test_azimuth_turns_the_plane_by_joint_1(tmp_path, planner_of, plan_of, table
 
 
 def test_alternatives_are_other_throws_to_the_same_target(planner_of) -> None:
-    plan = planner_of("hand-flip").plan(alternatives=2)
+    target = tp.Pose(x=0.9, z=0.2, theta=math.radians(270))
+    plan = planner_of("hand-flip").plan(target, alternatives=2)
     assert plan.status == "solved" and len(plan.alternatives) >= 1
     times = [one.to_dict()["release"]["opening_time"] for one in (plan, *plan.alternatives)]
     assert len({round(t, 3) for t in times}) == len(times)
