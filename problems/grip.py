@@ -330,7 +330,8 @@ class Gripper(Section):
         most=1e6,
     )
     sticking_margin: float = quantity(
-        "margin of the grip use until the opening, as a share of the full grip's friction limit",
+        "share of the full grip's friction limit that stays unused until the opening; a throw that "
+        "leaves less is not solved",
         least=0,
         below=1,
         default=0.05,

@@ -279,11 +279,13 @@ class Scene(Section):
         )
 
     def without_reserves(self) -> Scene:
-        """The scene without the reserves that a plan keeps: clearances and the torque margin are
-        zero, and the torque rate, which limits what a motion commands, is unlimited."""
+        """The scene without the reserves that a plan keeps: clearances, and the margins of grip and
+        torque, are zero, and the torque rate, which limits what a motion commands, is unlimited."""
         changes = dict[str, Any]()
         if self.arm is not None and self.arm.links:
             changes["torque"] = (self.torque or Torque()).changed(margin=0.0, rate=math.inf)
+        if self.motion is None:
+            changes["gripper"] = self.gripper.changed(sticking_margin=0.0)
         if self.cup is not None:
             changes["cup"] = self.cup.changed(clearance=0.0)
         if self.bounds.palm_clearance is not None:

@@ -211,7 +211,7 @@ def _common_values(request: Request) -> dict[str, Any]:
         "gravity": scene.gravity,
         "grasp_angle": scene.grasp.angle,
         "full_grip": profile.full,
-        "sticking_limit": 1.0 - scene.gripper.sticking_margin,
+        "sticking_limit": 1.0 - scene.gripper.sticking_margin - request.refinement.margins["grip"],
         "interval": np.diff(nodes),
         "grip_force 0": profile.force(grip_instants(scene.mesh, nodes).ravel()),
         "epsilon": scene.mesh.epsilon,

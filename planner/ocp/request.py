@@ -48,6 +48,7 @@ PASSING = Margin("passing", extra=0.002, maximum=0.03)
 PALM = Margin("palm", extra=0.002, maximum=0.05, largest=0.01)
 CUP = Margin("cup", extra=2e-4, maximum=0.005)
 CLEAR = Margin("clear", extra=0.003, maximum=0.05, largest=0.005)
+GRIP = Margin("grip", extra=0.003, maximum=0.3)
 TORQUE = Margin("torque", extra=0.04, maximum=0.3)
 TORQUE_RATE = Margin("torque rate", extra=0.02, maximum=0.5)
 SLOWING = Margin("slowing", extra=0.005, maximum=0.3)
@@ -68,7 +69,7 @@ def _remedy_for(finding: Finding, throw: Throw) -> Remedy | None:
     """The remedy for a finding of a throw; None if an NLP has none."""
     match finding.code:
         case Code.SLIP_BEFORE_OPENING:
-            return Remedy(("carry",))
+            return Remedy(() if finding.reserve else ("carry",), margin=GRIP)
         case Code.JOINT_VELOCITY if throw.manipulator.planning.slowing is not None:
             return Remedy(margin=SLOWING)
         case Code.TOOL_SPEED:
@@ -99,7 +100,7 @@ def _violation(finding: Finding, margin: Margin) -> float:
     match finding.code:
         case Code.TOOL_SPEED | Code.TORQUE_RATE:
             return finding.value / finding.limit - 1.0
-        case Code.TORQUE | Code.JOINT_VELOCITY:
+        case Code.TORQUE | Code.JOINT_VELOCITY | Code.SLIP_BEFORE_OPENING:
             return finding.value - finding.limit
     return min(finding.limit - finding.value, margin.largest)
 

@@ -17,7 +17,7 @@ ADVICE = {
     "tool speed": ("[robot] tool_speed", "raise [robot] tool_speed if the robot allows"),
     "torque": ("[torque] margin", "a lighter object or a smaller [torque] margin"),
     "torque rate": ("[torque] rate", "raise [torque] rate if the robot allows"),
-    "grip while carrying": ("[gripper] force", "raise [gripper] force"),
+    "grip while carrying": ("[gripper] force", "raise [gripper] force, or lower sticking_margin"),
     "release": ("[gripper] opening", "a shorter [gripper] opening"),
     "carry time": ("[mesh] carry_max", "raise [mesh] carry_max"),
     "flight time": ("[target] z", "a higher target"),

@@ -142,6 +142,12 @@ class Finding:
         return self.note if words is None else words(self)
 
     @property
+    def reserve(self) -> bool:
+        """Whether it breaks a margin of the scene only, which the user may lower."""
+        margins = Code.SLIP_BEFORE_OPENING, Code.TORQUE
+        return self.broken and self.code in margins and self.value <= 1.0
+
+    @property
     def limit_name(self) -> str:
         """The limit's name, as of limits that bind at an optimum."""
         kind = _LIMITS.get(self.code, self.code.value.removeprefix("joint_").replace("_", " "))
@@ -194,6 +200,11 @@ class Verdict:
         return self.without(*excused(self.cup)).ok
 
     @property
+    def reserves(self) -> bool:
+        """Whether it breaks margins only."""
+        return not self.ok and all(finding.reserve for finding in self.broken)
+
+    @property
     def codes(self) -> frozenset[Code]:
         """The codes of the broken limits."""
         return frozenset(finding.code for finding in self.broken)
@@ -242,6 +253,20 @@ def _joint(name: str, unit: str) -> Callable[[Finding], str]:
     return words
 
 
+def _slip(finding: Finding) -> str:
+    """The grip's friction used up, or less of it left than the scene asks for."""
+    if finding.reserve:
+        left, asked = 100 * (1 - finding.value), 100 * (1 - finding.limit)
+        return (
+            f"grip before the opening: {left:.1f} % of its friction limit are left{_at(finding)}, "
+            f"{asked:g} % are asked for, or lower [gripper] sticking_margin to accept it"
+        )
+    return (
+        f"slips under full grip before the opening: {100 * finding.value:.0f} % of the friction "
+        f"limit{_at(finding)}"
+    )
+
+
 def _collision(finding: Finding) -> str:
     if not finding.other.startswith(("obstacle", "floor")):
         return f"{finding.body} meets {finding.other}{_at(finding)}"
@@ -281,10 +306,7 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     Code.LANDING_SPEED: _bound("landing speed:", "m/s"),
     Code.LANDING_RATE: _bound("landing rate:", "rad/s"),
     Code.ARRIVAL: _bound("arrival: lands at", "s", 4),
-    Code.SLIP_BEFORE_OPENING: lambda f: (
-        f"slips under full grip before the opening: {100 * f.value:.0f} % of the friction limit"
-        f"{_at(f)}"
-    ),
+    Code.SLIP_BEFORE_OPENING: _slip,
     Code.CARRY: lambda f: (
         f"grip on the way, {f.body}: {100 * f.value:.0f} % of what the pads' force holds{_at(f)}"
     ),
@@ -297,7 +319,7 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     ),
     Code.TORQUE: lambda f: (
         f"torque of {f.body}: {100 * f.value:.1f} % of its limit{_at(f)}, must be at most "
-        f"{100 * f.limit:g} %"
+        f"{100 * f.limit:g} %" + (", or lower [torque] margin to accept it" if f.reserve else "")
     ),
     Code.TORQUE_RATE: lambda f: (
         f"torque rate of the motion's commands: {f.value:,.0f} N m/s, must be at most "

@@ -21,6 +21,10 @@ from .landing import LandingStates, LimitUse, landing_uses, least_cup_clearance,
 from .measures import Measures, measures_of
 from .motion import FLYING, NEAR, collision, motion_findings
 
+#: Share of the grip's friction limit by which a throw may miss its margin: an NLP keeps it at its
+#: instants, and between these the use is that much higher.
+BETWEEN = 0.002
+
 
 def verdict(
     throw: Throw,
@@ -85,8 +89,10 @@ class Judged:
     @cached_property
     def always(self) -> list[LimitUse]:
         """Limits on all throws."""
-        m = self.measures
-        return [LimitUse(Code.SLIP_BEFORE_OPENING, m.value("grip"), 1.0, time=m.time("grip"))]
+        gripper, m = self.throw.scene.gripper, self.measures
+        margin = 0.0 if self.throw.scene.motion else gripper.sticking_margin
+        use = LimitUse(Code.SLIP_BEFORE_OPENING, m.value("grip"), 1.0 - margin, time=m.time("grip"))
+        return [use._replace(slack=min(margin, BETWEEN))]
 
     @cached_property
     def landed(self) -> list[LimitUse]:

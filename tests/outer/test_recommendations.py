@@ -68,6 +68,19 @@ def test_the_verdict_keeps_the_margin_that_the_nlp_keeps() -> None:
         assert (Code.TORQUE not in verdict(throw.in_scene(scene)).codes) == kept
 
 
+@pytest.mark.parametrize("name", ["near-cup", "hand-flip"])
+def test_the_verdict_keeps_the_grip_s_margin(plan_of, name: str) -> None:
+    """A throw that uses more than [gripper] sticking_margin leaves breaks it, short of slipping."""
+    throw = plan_of(name).throw.deciding
+    use = float(measures_of(throw).value("grip")[0])
+    assert use <= 1.0 - throw.scene.gripper.sticking_margin + 0.002
+    for margin, kept in ((1 - use + 0.01, False), (1 - use - 0.01, True)):
+        scene = varied(throw.scene, gripper={"sticking_margin": margin})
+        judged = verdict(throw.in_scene(scene))
+        assert (Code.SLIP_BEFORE_OPENING not in judged.codes) == kept
+        assert judged.reserves == (not kept)
+
+
 def test_a_scene_may_ask_for_more_and_the_plan_says_by_how_much() -> None:
     scene = tp.load_scene("pose")
     scene = varied(
