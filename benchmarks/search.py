@@ -28,14 +28,9 @@ AWAY = (0.03, 0.3)
 SAMPLED = (5_000, 60_000)
 #: Other values of the settings, one at a time.
 OTHERS: dict[str, tuple[Any, ...]] = {
-    "prices": ((100.0,), (100.0, 1000.0)),
-    "gain": (0.7,),
+    "prices": ((100.0,), (100.0, 1000.0, 10_000.0)),
     "close": (0.0, 0.1),
-    "vain": (3, 12),
-    "alike": (2, 6),
-    "same": (1e-4, 1e-2),
-    "known": (1,),
-    "beside": (0.05,),
+    "vain": (3, 6, 12),
 }
 
 #: What became of a target: solved, starts, seconds, missed.

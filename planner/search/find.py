@@ -30,19 +30,15 @@ from .starts import Starts
 class SearchSettings:
     """Settings of the search.
 
-    prices [1/m]: of an elastic landing's pose error, one after the other while it comes nearer than
-    `gain` times the last. close [m]: pose error from which the NLP for the target itself is tried.
-    vain, alike: the search ends after so many elastic starts that came no nearer, or so many that
-    ended within `same` [m] of the nearest. known: solved throws of a library that are tried;
-    beside [m]: how near to the target they land.
+    prices [1/m]: of an elastic landing's pose error, one after the other. close [m]: pose error from
+    which the NLP for the target itself is tried. vain: the search ends after so many elastic starts
+    that came no nearer. known: solved throws of a library that are tried; beside [m]: how near to
+    the target they land.
     """
 
-    prices: tuple[float, ...] = (100.0, 1000.0, 10_000.0)
-    gain: float = 0.9
+    prices: tuple[float, ...] = (100.0, 1000.0)
     close: float = 0.03
-    vain: int = 6
-    alike: int = 3
-    same: float = 1e-3
+    vain: int = 4
     known: int = 4
     beside: float = 0.15
 
@@ -144,7 +140,7 @@ class Search:
                 if one.missed == 0.0 and one.verdict is not None and one.verdict.reserves:
                     self.reserves = one.verdict.words
             if isinstance(start, Elastic):
-                gained = len(self.found) > known or self.nearest < SETTINGS.gain * nearest
+                gained = len(self.found) > known or self.nearest < nearest
                 vain = 0 if gained else vain + 1
             # Asked before the next start is made, which takes a third of an easy plan's time.
             if self.is_over(vain):
@@ -181,11 +177,9 @@ class Search:
 
     def is_over(self, vain: int) -> bool:
         """Whether there are enough throws, or further starts seem in vain."""
-        alike = sum(one.missed < self.nearest + SETTINGS.same for one in self.short)
         # Without any motion another start is worth more.
         most = SETTINGS.vain if self.short or self.found else 2 * SETTINGS.vain
-        enough = len(self.found) >= self.wanted
-        return enough or vain >= most or (alike >= SETTINGS.alike and not self.found)
+        return len(self.found) >= self.wanted or vain >= most
 
     @property
     def wanted(self) -> int:
@@ -289,9 +283,9 @@ class Search:
             if not one.ok or one.throw is None:
                 best = one if best.throw is None else best
                 break
-            before, best = best.missed, min(best, one, key=attrgetter("missed"))
-            if one.missed > SETTINGS.gain * before:
+            if one.missed >= best.missed:
                 break
+            best = one
             guess = guess_of(one.throw)
             if one.missed < SETTINGS.close:
                 exact = attempt(problems, Exact(start.goal, guess, one.refinement), task)
