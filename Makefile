@@ -32,15 +32,17 @@ verify: .venv/test .venv/sim .venv/docs .venv/wheels
 # compiles for Linux on x86-64, where batches of throws run 1.7 times as fast by it, zig for the others.
 DIST ?= dist
 ZIG := $(abspath $(BIN))/python -m ziglang cc -s -target
+CC_manylinux_2_28_x86_64 := gcc
+CC_manylinux_2_28_aarch64 := $(ZIG) aarch64-linux-gnu.2.28
+CC_macosx_11_0_arm64 := $(ZIG) aarch64-macos.11.0
+CC_win_amd64 := $(ZIG) x86_64-windows-gnu
+PLATFORMS := manylinux_2_28_x86_64 manylinux_2_28_aarch64 macosx_11_0_arm64 win_amd64
 WHEEL = $(BIN)/pip wheel --quiet --disable-pip-version-check --no-cache-dir --no-build-isolation --no-deps \
 	--wheel-dir $(DIST) $(DIST)/*.tar.gz --config-settings=--build-option=--plat-name=
 wheels: .venv/wheels
 	rm -rf $(DIST)
 	$(BIN)/python setup.py --quiet sdist --dist-dir $(DIST)
-	CC=gcc $(WHEEL)manylinux_2_28_x86_64
-	CC="$(ZIG) aarch64-linux-gnu.2.28" $(WHEEL)manylinux_2_28_aarch64
-	CC="$(ZIG) aarch64-macos.11.0" $(WHEEL)macosx_11_0_arm64
-	CC="$(ZIG) x86_64-windows-gnu" $(WHEEL)win_amd64
+	$(foreach platform,$(PLATFORMS),CC="$(CC_$(platform))" $(WHEEL)$(platform) &&) true
 	$(BIN)/twine --no-color check --strict $(DIST)/*
 	for wheel in $(DIST)/*manylinux*; do $(BIN)/auditwheel show $$wheel; done
 

@@ -26,7 +26,7 @@ from throwplan.problems import (
 
 from oracle import Oracle, read_oracle, read_rows
 
-SCENES = ["pose", "near-cup", "box", "flip", "fr3", "gen3", "hand-flip"]
+SCENES = ["near-cup", "box", "fr3", "hand-flip"]
 #: Changes of each plan that are judged.
 CHANGES = 12
 #: Between samples the verdict takes bodies to be nearer by up to half of what they move [m].

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import only
+from builders import loud, only
 from throwplan.planner.throw import ThrowBatch
 from throwplan.planner.uncertainty import sampler_of
 from throwplan.planner.verdict import Code, Finding, Judge, Verdict, measures_of
@@ -53,7 +53,7 @@ def weak(name: str, force: float) -> tp.Scene:
 
 def hard(name: str) -> tp.Scene:
     """An arm that brakes as hard as it can, whose joints are weak."""
-    scene = tp.load_scene(name)
+    scene = loud(name)
     robot = replace(scene.robot, acceleration_margin=0.0, jerk_margin=0.0)
     return scene.replace(robot=robot)
 
@@ -61,17 +61,15 @@ def hard(name: str) -> tp.Scene:
 def walled(name: str) -> tp.Scene:
     """A wall below the throw."""
     wall = Obstacle("wall", "box", (0.06, 0.5, 0.3), (0.75, 0.0, 0.15))
-    return tp.load_scene(name).replace(obstacle=(wall,))
+    return loud(name).replace(obstacle=(wall,))
 
 
 #: Cups, a weak grip, hard braking, late openings, a wall, a target that moves, no arm, a CoM grasp.
 SCENES: dict[str, Callable[[], tp.Scene]] = {
     "weak cup": lambda: weak("near-cup", 60.0),
-    "far cup": lambda: tp.load_scene("cup"),
     "hard braking": lambda: hard("pose"),
     "weak hand": lambda: weak("hand-flip", 60.0),
-    "flip": lambda: hard("flip"),
-    "moving": lambda: tp.load_scene("conveyor"),
+    "moving": lambda: loud("conveyor"),
     "wall": lambda: walled("fr3"),
     "com grasp": lambda: tp.load_scene("hand-box"),
 }

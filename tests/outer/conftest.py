@@ -11,7 +11,6 @@ from typing import Any, NoReturn
 
 import numpy as np
 import pytest
-import throwplan as tp
 from throwplan.planner.cli import main
 
 
@@ -100,11 +99,3 @@ def untouched(tmp_path: Path):
 def table() -> Callable[[Path], np.ndarray]:
     """Reads a CSV file with a header line."""
     return lambda path: np.genfromtxt(path, delimiter=",", names=True)
-
-
-@pytest.fixture(scope="session")
-def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the shipped cycle by an FR3; not to be changed."""
-    folder = tmp_path_factory.mktemp("six")
-    tp.plan_cycle(tp.load_jobs("six-parts"), patience=30).save(folder)
-    return folder

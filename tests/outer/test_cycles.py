@@ -322,18 +322,10 @@ def test_shipped_jobs_are_solved(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_random_job_list_breaks_no_limit(tmp_path: Path) -> None:
-    """A list of 3 objects and 3 bins."""
-    cycle = plan_cycle(load_jobs(write_random_jobs(tmp_path, 0, picks=3)))
-    assert cycle.solved, cycle.message
-    cycle.save(tmp_path)
-    assert broken_limits(tmp_path) == []
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), [("posts", 0), ("hammers", 0)])
 def test_among_obstacles_and_with_other_objects(kind: str, seed: int, tmp_path: Path) -> None:
-    cycle = plan_cycle(load_jobs(write_random_jobs(tmp_path, seed, kind, picks=2)))
+    jobs = load_jobs(write_random_jobs(tmp_path, seed, kind, picks=2)).loud
+    cycle = plan_cycle(jobs)
     assert cycle.solved, cycle.message
     cycle.save(tmp_path)
     assert broken_limits(tmp_path) == []
@@ -346,7 +338,7 @@ def test_a_wall_between_picks_and_bin(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(POSE.read_text() + wall)
     file = tmp_path / "jobs.toml"
     file.write_text(TWO.replace('"pose"', '"scene.toml"'))
-    cycle = plan_cycle(load_jobs(file))
+    cycle = plan_cycle(load_jobs(file).loud)
     assert cycle.solved, cycle.message
     cycle.save(tmp_path)
     assert broken_limits(tmp_path) == []

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import varied
+from builders import loud, varied
 from throwplan.models.robot import SpatialArm, segment_distance
 from throwplan.problems import arms
 from throwplan.problems.arms import load_arm, load_gripper
@@ -67,7 +67,7 @@ def scene_with(folder: Path) -> Path:
 @pytest.mark.slow
 def test_a_hand_without_a_body_is_replayed_and_drawn(tmp_path, run) -> None:
     """As `import-robot` writes it without --palm."""
-    scene = tp.load_scene("pose")
+    scene = loud("pose")
     tool = dataclasses.replace(scene.arm.tool, palm_half_width=0.0)
     plan = tp.plan(varied(scene, arm={"tool": tool}))
     assert plan.solved and scene.workspace.palm_clearance is not None

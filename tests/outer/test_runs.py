@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import socket
@@ -12,7 +13,6 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-import throwplan as tp
 from scipy.signal import cont2discrete, lfilter
 from simulated_robot import BINDING
 from throwplan.planner.result import SentMotion
@@ -111,10 +111,11 @@ def test_a_lag_is_learnt_in_three_runs_inside_all_limits(plan) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("x", "theta_deg"), [(1.080, 30.0), (1.557, 148.0)])
-def test_lags_are_learnt_over_the_map(tmp_path, x, theta_deg) -> None:
+def test_lags_are_learnt_over_the_map(tmp_path, loud_planner_of, x, theta_deg) -> None:
     """Thrown over the base, too."""
-    target = tp.load_scene("fr3").target.in_plane(x, math.radians(theta_deg))
-    tp.plan("fr3", target=target, patience=20.0).save(tmp_path, draw=False)
+    planner = loud_planner_of("fr3")
+    target = planner.scene.target.in_plane(x, math.radians(theta_deg))
+    planner.plan(target, patience=20.0).save(tmp_path, draw=False)
     motion = joint_motion(tmp_path)
     recordings = [lagging(motion)]
     for _ in range(2):
@@ -125,11 +126,12 @@ def test_lags_are_learnt_over_the_map(tmp_path, x, theta_deg) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("changes", [{"velocity": (0.2,)}, {"arrival": 1.0}])
-def test_a_lag_is_learnt_for_a_target_with_a_time(tmp_path, changes) -> None:
+def test_a_lag_is_learnt_for_a_target_with_a_time(tmp_path, loud_planner_of, changes) -> None:
     """The corrected motion begins 0.3 s before the plan's: it lands as much later on its clock."""
-    target = tp.load_scene("fr3").target
+    planner = loud_planner_of("fr3")
+    target = planner.scene.target
     target = target.changed(x=target.x - 0.7 * changes.get("velocity", [0.0])[0], **changes)
-    tp.plan("fr3", target=target, patience=20.0).save(tmp_path, draw=False)
+    planner.plan(target, patience=20.0).save(tmp_path, draw=False)
     motion = joint_motion(tmp_path)
     recording = lagging(motion)
     assert errors(recording, motion)[0] > 0.05
@@ -303,12 +305,14 @@ def test_what_is_no_franka_is_given_up(plan, refused, says, words) -> None:
     host, kept = f"127.0.19.{5 + says}", list[socket.socket]()
 
     def serve(port: socket.socket) -> None:
-        while True:
-            taken = port.accept()[0]
-            if says:
-                kept.append(taken)
-            else:
-                taken.close()
+        # Until the port is closed.
+        with contextlib.suppress(OSError):
+            while True:
+                taken = port.accept()[0]
+                if says:
+                    kept.append(taken)
+                else:
+                    taken.close()
 
     for number in (1337, 1338):
         port = socket.create_server((host, number))

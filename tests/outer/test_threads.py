@@ -69,7 +69,7 @@ def swing(planner: tp.Planner, plan: tp.Plan) -> list[tuple[str, float]]:
     return said
 
 
-def swing_while_planning(scene: str) -> None:
+def swing_while_planning(scene: tp.Scene) -> None:
     """A swing, plans, a sweep and a plan's own methods at the same time, as alone."""
     planner = tp.Planner(scene, library=False)
     first = planner.plan()
@@ -87,41 +87,29 @@ def swing_while_planning(scene: str) -> None:
         )
 
 
-def check_alone(scene: str, runs: int, folder: object) -> None:
-    """Runs in a process of its own; no time limit below that of a hang."""
-    words = [sys.executable, "-X", "faulthandler", __file__, scene, str(runs)]
-    own = {"THROWPLAN_CACHE": str(folder)}
+@pytest.mark.slow
+def test_threads_and_tasks_plan_as_one_does_each_time(tmp_path) -> None:
+    """No time limit below that of a hang."""
+    words = [sys.executable, "-X", "faulthandler", __file__]
+    own = {"THROWPLAN_CACHE": str(tmp_path)}
     ended = subprocess.run(
         words, env=os.environ | own, capture_output=True, text=True, timeout=1800, check=False
     )
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "done\n", "")
 
 
-@pytest.mark.slow
-def test_threads_and_tasks_plan_as_one_does(tmp_path) -> None:
-    check_alone("pose", 1, tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("scene", "runs"), [("pose", 5), ("fr3", 3)])
-def test_threads_and_tasks_plan_as_one_does_each_time(scene, runs, tmp_path) -> None:
-    check_alone(scene, runs, tmp_path)
-
-
-def main(scene: str, runs: int) -> None:
-    """One run, or several with a new planner each and with a swing meanwhile."""
+def main() -> None:
+    """Two runs with a new planner each, and one with a swing meanwhile."""
+    scene = tp.load_scene("pose").replace(cost=tp.Cost(quiet=0.0))
     planner = tp.Planner(scene, library=False)
     first = planner.plan()
     places = targets(first.target)
     expected = [landings(planner, first, target) for target in places]
-    if runs == 1:
-        run(planner, first, places, expected)
-    else:
-        for _ in range(runs):
-            run(tp.Planner(scene, library=False), first, places, expected)
-        swing_while_planning(scene)
+    for _ in range(2):
+        run(tp.Planner(scene, library=False), first, places, expected)
+    swing_while_planning(scene)
     print("done")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]))
+    main()
