@@ -15,10 +15,9 @@ from builders import varied, with_grip
 from job_lists import HAMMER, ONE, POSE, POST, TWO, write_random_jobs
 from throwplan.planner.cli import main
 from throwplan.planner.cycle import Cycle, plan_cycle
-from throwplan.planner.result import SentMotion, read_motion
+from throwplan.planner.result import read_motion
 from throwplan.planner.robot import replay
 from throwplan.planner.throw import TICK, Samples
-from throwplan.planner.verdict import Code
 from throwplan.problems import Calibration
 from throwplan.problems.job_files import jobs_names, load_jobs
 
@@ -252,34 +251,6 @@ def test_the_judge_sees_an_object_at_its_pick(cycled: Path, tmp_path: Path) -> N
     words = " ".join(broken_limits(tmp_path))
     assert f"link 8, {second.pick} at its pick: " in words
     assert f"{first.pick} as it is carried, {second.pick} at its pick: -" in words
-
-
-@pytest.mark.slow
-@pytest.mark.xfail(reason="under the recommended limits no motion is found that keeps the grip")
-def test_an_object_in_the_direct_way_is_gone_round(tmp_path: Path) -> None:
-    """The motion that one takes alone hits another that waits, by verdict and in MuJoCo."""
-    file, parts = tmp_path / "jobs.toml", IN_THE_WAY.split("[[pick]]")
-    file.write_text("[[pick]]".join(parts[:2]))
-    alone = plan_cycle(load_jobs(file))
-    file.write_text(IN_THE_WAY)
-    cycle = plan_cycle(load_jobs(file))
-    assert alone.solved and cycle.solved, cycle.message
-    alone, motion = alone.motion, cycle.motion
-    assert motion.carries[0].opening_time > alone.carries[0].opening_time
-    cycle.save(tmp_path)
-    assert broken_limits(tmp_path) == []
-
-    rows = np.concatenate([alone.samples.rows, motion.samples.rows[:, 1:]], axis=1)
-    second, later = motion.carries[1], len(alone.q) - 1
-    moments = {key: later + getattr(second, key) for key in ("reach", "held", "join", "free")}
-    second = dataclasses.replace(second, **moments)
-    direct = SentMotion("direct", Samples(*rows), (alone.carries[0], second))
-    assert {found.code for found in direct.verdict.broken} == {Code.COLLISION}
-    # What is carried meets the other part, or the arm does, by the throw that was found.
-    assert "obstacle other part at its pick: " in direct.verdict.words
-    thrown, waits = (one.hits for one in replay(direct).objects)
-    met = any(hit.endswith("(waiting)") for hit in waits)
-    assert met or "object other part (carried)" in thrown
 
 
 def test_picks_whose_objects_overlap_are_refused(tmp_path: Path, refused) -> None:
