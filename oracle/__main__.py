@@ -5,8 +5,6 @@ from __future__ import annotations
 import sys
 from collections import Counter
 
-from throwplan import load_scene
-
 from .studies import SCENES, corner_contacts, sweep_counts
 
 if __name__ == "__main__":
@@ -16,6 +14,6 @@ if __name__ == "__main__":
             print(*row.values(), flush=True)
     else:
         for arm in SCENES:
-            found = list(corner_contacts(load_scene(SCENES[arm]), arm, count))
+            found = list(corner_contacts(arm, count))
             deep = [1e3 * depth for _, depth in found if depth > 0.0]
             print(arm, dict(Counter(said for said, _ in found)), "contacts [mm]:", deep, flush=True)

@@ -53,10 +53,10 @@ def sweep_counts(count: int, samples: int) -> Iterator[dict[str, Any]]:
         }
 
 
-def corner_contacts(scene: tp.Scene, arm: str, count: int) -> Iterator[tuple[str, float]]:
-    """Plans of an arm's scene beside small obstacles at corners of moving links and hand: status,
-    and the largest penetration [m] of a published mesh at any tick, 0 without one."""
-    points = link_points(arm)
+def corner_contacts(arm: str, count: int) -> Iterator[tuple[str, float]]:
+    """Plans beside small obstacles at corners of moving links and hand: status, and the largest
+    penetration [m] of a published mesh at any tick, 0 without one."""
+    scene, points = tp.load_scene(SCENES[arm]), link_points(arm)
     oracle, rng = oracle_of(tp.plan(scene)), np.random.default_rng(zlib.crc32(arm.encode()))
     links = [link for link in points if link > oracle.motion.throwing[0] + 1]
     corners = {link: points[link][ConvexHull(points[link]).vertices] for link in links}

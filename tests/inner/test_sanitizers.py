@@ -21,7 +21,7 @@ for scene in ("near-cup", "ur5e", "flip"):
     assert tp.plan(loud(scene), patience=60.0).status == "solved", scene
 """,
     "batches": """
-plans = tp.plan("hand-flip", patience=60.0), tp.plan(loud("box"), patience=60.0)
+plans = tp.plan(loud("near-cup"), patience=60.0), tp.plan(loud("box"), patience=60.0)
 masses = {"mass": np.linspace(0.1, 0.4, 257)}
 for model in ("sp", "ls-step", "sp-paper"):
     drops = tp.simulate_batch(tp.load_scene("drop"), model, object=masses)
