@@ -30,10 +30,10 @@ from .starts import Starts
 class SearchSettings:
     """Settings of the search.
 
-    prices [1/m]: of an elastic landing's pose error, one after the other. close [m]: pose error from
-    which the NLP for the target itself is tried. vain: the search ends after so many elastic starts
-    that came no nearer. known: solved throws of a library that are tried; beside [m]: how near to
-    the target they land.
+    prices [1/m]: of an elastic landing's pose error, one after the other. close [m]: pose error
+    from which the NLP for the target itself is tried. vain: the search ends after so many elastic
+    starts that came no nearer. known: solved throws of a library that are tried; beside [m]: how
+    near to the target they land.
     """
 
     prices: tuple[float, ...] = (100.0, 1000.0)
