@@ -114,7 +114,7 @@ def test_the_core_reads_past_no_array() -> None:
         with pytest.raises(ValueError, match=f"{name}: the core takes"):
             path.attach(**{name: wrong})
     with pytest.raises(TypeError, match="motion: the core takes PathC"):
-        core.ThrowC().attach(motion=core.SceneC())
+        core.ThrowsC().attach(motion=core.SceneC())
     with pytest.raises(TypeError, match="around: the core takes SolidC_Array_2"):
         core.BodiesC(solids=2).attach(around=(core.SolidC * 3)())
 
