@@ -156,15 +156,15 @@ static void object_at(const track *on, int64_t k, double com[3])
 /* Joints of an arm at coordinates q, as in a course, and its links' angles. */
 static void place_arm(const linkage *a, const double *q, double *joint, double *angle)
 {
-    double x = a->x, z = a->z, turned = 0.0;
+    double at[2] = {a->x, a->z}, turned = 0.0;
     for (int64_t i = 0; i < a->n; i++, joint += 4) {
+        const double link[2] = {a->along[i], a->up[i]};
         angle[i] = turned += a->sign[i] * q[i];
-        joint[0] = x;
-        joint[1] = z;
+        joint[0] = at[0];
+        joint[1] = at[1];
         joint[2] = cos(turned);
         joint[3] = sin(turned);
-        x += a->along[i] * joint[2] - a->up[i] * joint[3];
-        z += a->along[i] * joint[3] + a->up[i] * joint[2];
+        link_place(joint, link, at);
     }
 }
 
@@ -179,17 +179,17 @@ static const double *joint_at(const track *on, int64_t k, int64_t link)
 static segment part_at(const bodies *all, int64_t number, const double com[3], double behind)
 {
     segment s;
-    double c = cos(com[2]), d = sin(com[2]), ahead = all->length - behind;
-    const double *part = all->outline;
-    if (!part)
-        return (segment){{com[0] - behind * c, 0.0, com[1] - behind * d},
-                         {com[0] + ahead * c, 0.0, com[1] + ahead * d}};
-    part += 5 * number;
-    for (int e = 0; e < 2; e++, part += 2) {
-        double along = part[0] - behind, *at = e ? s.end : s.begin;
-        at[0] = com[0] + along * c - part[1] * d;
-        at[1] = 0.0;
-        at[2] = com[1] + along * d + part[1] * c;
+    const double pose[4] = {com[0], com[1], cos(com[2]), sin(com[2])}, *part = all->outline;
+    for (int e = 0; e < 2; e++) {
+        double point[2] = {(e ? all->length : 0.0) - behind, 0.0}, *end = e ? s.end : s.begin, at[2];
+        if (part) {
+            point[0] = part[5 * number + 2 * e] - behind;
+            point[1] = part[5 * number + 2 * e + 1];
+        }
+        link_place(pose, point, at);
+        end[0] = at[0];
+        end[1] = 0.0;
+        end[2] = at[1];
     }
     return s;
 }
@@ -198,12 +198,14 @@ static segment part_at(const bodies *all, int64_t number, const double com[3], d
 static segment link_at(const bodies *all, int64_t body, const double *j)
 {
     segment s;
-    const double *place = all->places + 6 * body;
+    const double *place = all->places + 6 * body, still[4] = {0.0, 0.0, 1.0, 0.0};
     for (int e = 0; e < 2; e++, place += 3) {
-        double *at = e ? s.end : s.begin;
-        at[0] = j ? j[0] + place[0] * j[2] - place[2] * j[3] : place[0];
-        at[1] = place[1];
-        at[2] = j ? j[1] + place[0] * j[3] + place[2] * j[2] : place[2];
+        const double link[2] = {place[0], place[2]};
+        double *end = e ? s.end : s.begin, at[2];
+        link_place(j ? j : still, link, at);
+        end[0] = at[0];
+        end[1] = place[1];
+        end[2] = at[1];
     }
     return s;
 }

@@ -22,7 +22,7 @@ static const place PLACES[] = {
     FIELD(limits, ddq), FIELD(limits, jerk), FIELD(limits, slowing), FIELD(limits, slows),
     STRUCTURE(samples), FIELD(samples, rows), FIELD(samples, n), FIELD(samples, tick),
     FIELD(samples, q), FIELD(samples, dq), FIELD(samples, ddq),
-    STRUCTURE(grip), FIELD(grip, full), FIELD(grip, opening), FIELD(grip, stretch),
+    STRUCTURE(grip), FIELD(grip, opening), FIELD(grip, stretch),
     FIELD(grip, pieces), FIELD(grip, breaks), FIELD(grip, curves),
     STRUCTURE(release), FIELD(release, motion), FIELD(release, arm), FIELD(release, grip),
     FIELD(release, law), FIELD(release, angle), FIELD(release, delay), FIELD(release, turning),

@@ -163,12 +163,4 @@ EXPORT int64_t overlaps(int64_t count, const linkage *arm, const bodies *all,
                         double *deepest    /* [count] m */
 );
 
-/* How far [m; 1] centre and axes of the pads are at most from where the planar arm has them, at every
-   `stride`th sample. turned [rad]: angle of the joint that turns the throw's plane; lateral [m]: the pads'
-   centre across the plane. Requires arm->n == s->n && stride > 0. */
-EXPORT double off_plane(const samples *s, int64_t stride, const linkage *arm,
-                        const double *poses, /* [s->n + 2][4][4] in the plane's frame: of the joint that
-                                                turns it, of each throwing joint after the one before, of the pads */
-                        double turned, double lateral);
-
 #endif

@@ -36,6 +36,28 @@ INLINE void flight_pose(const double start[6], double since, double gravity, dou
     pose[2] = w0;
 }
 
+/* A place on a link, or its end [m]; joint: x, z [m], cosine and sine of the link's angle. */
+INLINE void link_place(const double joint[4], const double link[2], double place[2])
+{
+    double w0, w1, w2, w3, w4, w5, w6;
+    w0 = joint[0];
+    w1 = link[0];
+    w2 = joint[2];
+    w3 = w1 * w2;
+    w4 = link[1];
+    w5 = joint[3];
+    w6 = w4 * w5;
+    w3 = w3 - w6;
+    w0 = w0 + w3;
+    place[0] = w0;
+    w0 = joint[1];
+    w1 = w1 * w5;
+    w4 = w4 * w2;
+    w1 = w1 + w4;
+    w0 = w0 + w1;
+    place[1] = w0;
+}
+
 /* Time [s] until a bar with x, z, theta and their rates falls through `height`; NaN if never. */
 INLINE double fall_time(const double start[6], double height, double gravity)
 {

@@ -44,8 +44,6 @@ static void hand_at(run *k, double time, lane hand[9])
 
 static double force_at(const grip *g, double t)
 {
-    if (!g->pieces)
-        return g->full * fmin(fmax(1.0 - t / g->opening, 0.0), 1.0);
     t = fmin(fmax(t, 0.0), g->opening) / g->stretch;
     int64_t i = piece_at(g->breaks, g->pieces, t);
     double u = t - g->breaks[i], f = 0.0;
@@ -53,6 +51,15 @@ static double force_at(const grip *g, double t)
         f = f * u + g->curves[power * g->pieces + i];
     return fmax(f, 0.0);
 }
+
+/* Nodes are denser towards the opening's end: even in s, where its share is 1 - (1 - s)^1.5. */
+static double graded(double s)
+{
+    double u = 1.0 - s;
+    return 1.0 - u * sqrt(u);
+}
+
+static double even(double share) { return 1.0 - cbrt((1.0 - share) * (1.0 - share)); }
 
 static const lane *law_of(const run *k) { return (const lane *)k->r->law; }
 
@@ -191,15 +198,13 @@ static void run_pivot(run *k, int64_t steps)
         double end = c < p->corners ? (p->kinks[c] - r->delay) / opening : 1.0;
         if (c < p->corners && (end < begun + APART || end > 1.0 - APART))
             continue;
-        /* Even in s, where the share of the opening is 1 - (1 - s)^1.5. */
-        double s = 1.0 - cbrt((1.0 - begun) * (1.0 - begun));
-        double way = 1.0 - cbrt((1.0 - end) * (1.0 - end)) - s;
+        double s = even(begun), way = even(end) - s;
         int64_t parts = (int64_t)ceil(way * (double)steps - 1e-6);
         hand_at(k, k->time + INSIDE, k->hand);
         excess_at(k, k->time, k->state, k->hand, k->excess);
         onsets(k);
         for (int64_t i = 1; i <= parts; i++) {
-            double u = 1.0 - (s + way * (double)i / (double)parts), node = (1.0 - u * sqrt(u)) * opening;
+            double node = graded(s + way * (double)i / (double)parts) * opening;
             if (i == parts)
                 node = end * opening;
             while (k->time < node - 1e-3 * LOCATED * opening && k->nodes < k->room)
@@ -445,11 +450,10 @@ static int lay(surface *f, int64_t parts)
         double end = cuts[c];
         if (c < count && (end < begun + APART || end > 1.0 - APART))
             continue;
-        double s = 1.0 - cbrt((1.0 - begun) * (1.0 - begun));
-        double way = 1.0 - cbrt((1.0 - end) * (1.0 - end)) - s;
+        double s = even(begun), way = even(end) - s;
         int64_t pieces = parts * (int64_t)ceil(way * INTERVALS - 1e-6);
         for (int64_t i = 0; i < 2 * pieces; i++) {
-            double u = 1.0 - (s + way * (double)i / (double)(2 * pieces)), t = (1.0 - u * sqrt(u)) * opening;
+            double t = graded(s + way * (double)i / (double)(2 * pieces)) * opening;
             if (i == 0)
                 t = begun * opening;
             f->forces[2 * f->steps + i % 2] = force_at(&r->grip, t);

@@ -50,13 +50,12 @@ typedef struct {
     double *ddq; /* [rows][n] NULL where a function reads q only */
 } samples;
 
-/* Grip force of one pad [N] over the opening [s], from `full` on: linear to 0, or, with pieces, cubics of
-   the time over `stretch`. */
+/* Grip force of one pad [N] over the opening [s]: cubics of the time over `stretch`. */
 typedef struct {
-    double full, opening, stretch;
+    double opening, stretch;
     int64_t pieces;
-    const double *breaks; /* [pieces + 1] s NULL without pieces */
-    const double *curves; /* [4][pieces] N, highest power first; NULL without pieces */
+    const double *breaks; /* [pieces + 1] s */
+    const double *curves; /* [4][pieces] N, highest power first */
 } grip;
 
 /* A release. law: mass [kg], inertia about the CoM [kg m^2], CoM from the pads [m], friction, radius of

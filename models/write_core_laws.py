@@ -22,7 +22,7 @@ from .release.cases import LOST_SLIP
 from .release.integrators import rk4_step
 from .release.limit_surface import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
 from .release.sliding_pivot import SlidingPivot
-from .robot.kinematics import PlanarBody, flange_velocity, joint_torque, link_end
+from .robot.kinematics import PlanarBody, flange_velocity, joint_torque, link_end, turned_by
 
 HEAD = """\
 /* Written by `python -m throwplan.models.write_core_laws`: do not edit. */
@@ -90,18 +90,28 @@ def _link_functions() -> list[ca.Function]:
     ]
 
 
-def _flight_text() -> str:
-    sizes = {"start": 6, "since": 1, "height": 1, "gravity": 1}
+def _single_text() -> str:
+    """Functions of numbers, not of lanes."""
+    sizes = {"start": 6, "since": 1, "height": 1, "gravity": 1, "joint": 4, "link": 2}
     s = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     state, law = FlightState(*ca.vertsplit(s["start"])), FlightLaw(s["gravity"])
     end = law.after(state, s["since"])
     pose = _law("pose", s, "start since gravity", pose=[end.x, end.z, end.theta])
     time = _law("time", s, "start height gravity", time=[law.fall_time(state, s["height"])])
+    x, z, cos, sin = ca.vertsplit(s["joint"])
+    along, up = turned_by(ca.vertsplit(s["link"]), cos, sin)
+    place = _law("place", s, "joint link", place=[x + along, z + up])
     return f"""
 /* x, z [m] and theta [rad] of a flying bar `since` [s] after x, z, theta and their rates. */
 INLINE void flight_pose(const double start[6], double since, double gravity, double pose[3])
 {{
     {_scalar(pose)}
+}}
+
+/* A place on a link, or its end [m]; joint: x, z [m], cosine and sine of the link's angle. */
+INLINE void link_place(const double joint[4], const double link[2], double place[2])
+{{
+    {_scalar(place)}
 }}
 
 /* Time [s] until a bar with x, z, theta and their rates falls through `height`; NaN if never. */
@@ -125,7 +135,7 @@ def text() -> str:
     """The text of core/laws.h."""
     head = HEAD.format(iterations=ITERATIONS, lost=LOST_SLIP)
     laws = [*_link_functions(), *_pivot_functions(), *_surface_functions()]
-    return head + _flight_text() + "".join(map(_lane_function, laws)) + "\n#endif\n"
+    return head + _single_text() + "".join(map(_lane_function, laws)) + "\n#endif\n"
 
 
 def _hand(name: str) -> tuple[ca.SX, HandSamples]:

@@ -37,12 +37,10 @@ class GripProfile:
         """f_N [N] at `time` [s] after the start of the fall."""
         raise NotImplementedError
 
-    @cached_property
-    def curve(self) -> Any:
-        """The force over the time from its fall on, as SciPy's piecewise cubics, for the core.
-
-        None for a linear fall, which the core has in closed form.
-        """
+    @property
+    def cubics(self) -> tuple[Array, Array]:
+        """The force over the time from its fall on, in K pieces: breaks (K + 1,) [s], and
+        coefficients (4, K) [N], highest power first, of the time since a piece's begin."""
         raise NotImplementedError
 
 
@@ -53,7 +51,12 @@ class LinearGrip(GripProfile):
     full: float
     dwell: float
     opening: float
-    curve = None
+
+    @property
+    def cubics(self) -> tuple[Array, Array]:
+        """One piece."""
+        falling = [[0.0], [0.0], [-self.full / self.opening], [self.full]]
+        return np.array([0.0, self.opening]), np.array(falling)
 
     def force(self, time: npt.ArrayLike) -> Array:
         """f_N [N] at `time` [s] after the start of the fall."""
@@ -87,15 +90,21 @@ class TableGrip(GripProfile):
         self._times, self._forces = t[start : ended + 1] - t[start], f[start : ended + 1]
 
     @cached_property
-    def curve(self) -> Any:
+    def _curve(self) -> Any:
         """The force over the time from its fall on."""
         from scipy.interpolate import PchipInterpolator
 
         return PchipInterpolator(self._times, self._forces)
 
+    @property
+    def cubics(self) -> tuple[Array, Array]:
+        """Those of the table."""
+        breaks, curves = (np.ascontiguousarray(v, float) for v in (self._curve.x, self._curve.c))
+        return breaks, curves
+
     def force(self, time: npt.ArrayLike) -> Array:
         """f_N [N] at `time` [s] after the start of the fall."""
-        force = self.curve(np.clip(np.asarray(time, float), 0.0, self.opening))
+        force = self._curve(np.clip(np.asarray(time, float), 0.0, self.opening))
         return np.asarray(np.maximum(force, 0.0))
 
     def delayed(self, delay: float) -> TableGrip:

@@ -253,11 +253,7 @@ def compiled_release(case: ReleaseCase) -> ReleaseC:
 
 def _grip(profile: GripProfile) -> GripC:
     """A grip force for the core."""
-    grip = GripC(full=profile.full, opening=profile.opening, stretch=1.0)
-    if profile.curve is not None:
-        breaks, curves = (
-            np.ascontiguousarray(v, float) for v in (profile.curve.x, profile.curve.c)
-        )
-        grip.pieces = curves.shape[1]
-        grip.attach(breaks=breaks, curves=curves)
+    breaks, curves = profile.cubics
+    grip = GripC(opening=profile.opening, stretch=1.0, pieces=curves.shape[1])
+    grip.attach(breaks=breaks, curves=curves)
     return grip

@@ -22,6 +22,11 @@ from .arm import Arm, LinkInertia
 Row = Sequence[Value]
 
 
+def turned_by(link: Row, cos: Value, sin: Value) -> Row:
+    """A vector (x, z) [m] turned by an angle with this cosine and sine."""
+    return link[0] * cos - link[1] * sin, link[0] * sin + link[1] * cos
+
+
 def link_end(joint: Row, link: Row, turned: Row) -> Row:
     """The end of a link from its joint: x and z, their rates, their accelerations.
 
@@ -30,8 +35,7 @@ def link_end(joint: Row, link: Row, turned: Row) -> Row:
     x, z, v_x, v_z, a_x, a_z = joint
     phi, rate, turn = turned
     xp = backend(phi)
-    cos, sin = xp.cos(phi), xp.sin(phi)
-    along, up = link[0] * cos - link[1] * sin, link[0] * sin + link[1] * cos
+    along, up = turned_by(link, xp.cos(phi), xp.sin(phi))
     return (
         x + along,
         z + up,

@@ -60,11 +60,6 @@ class Code(Enum):
         "change a joint's torque too fast",
         "a larger [torque] rate, or a lighter object",
     )
-    KINEMATICS = (
-        "kinematics",
-        "have frames that differ from the planar model",
-        "the arm's data: its planar model and its frames differ",
-    )
     FLOOR = "floor", "touch the floor", "a lower [workspace] floor, another start"
     COLUMN = "column", "touch the base column", "another target angle, less [workspace] column"
     PALM = "palm", "touch the palm", "another target angle, less [workspace] palm_clearance"
@@ -324,10 +319,6 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     Code.TORQUE_RATE: lambda f: (
         f"torque rate of the motion's commands: {f.value:,.0f} N m/s, must be at most "
         f"{f.limit:,.0f} N m/s"
-    ),
-    Code.KINEMATICS: lambda f: (
-        f"the arm's frames put the hand {1e3 * f.value:.3g} mm from its pose in the planar model, "
-        f"must be at most {1e3 * f.limit:g} mm"
     ),
     Code.FLOOR: lambda f: f"floor: {f.body} {1e3 * (f.limit - f.value):.0f} mm below it{_at(f)}",
     Code.COLUMN: _distance("base column"),

@@ -19,7 +19,7 @@ from ..throw import BatchFlights, Throw, ThrowBatch, column_of, flight_of, torqu
 from .findings import Code, Finding, Verdict, excused
 from .landing import LandingStates, LimitUse, landing_uses, least_cup_clearance, tolerance_uses
 from .measures import Measures, measures_of
-from .motion import FLYING, NEAR, collision, motion_findings
+from .motion import FLYING, NEAR, collision, joint_findings
 
 #: Share of the grip's friction limit by which a throw may miss its margin: an NLP keeps it at its
 #: instants, and between these the use is that much higher.
@@ -35,7 +35,7 @@ def verdict(
 ) -> Verdict:
     """All limits that a throw breaks, by its release model.
 
-    For a throw that never lands: joint limits, kinematics, release and grip only. target: None for
+    For a throw that never lands: joint limits, release and grip only. target: None for
     the throw's own. sent: the commanded motion, if `throw` is the expected motion of joints that
     lag: joint limits are judged on `sent`, the tool's speed on both. driven: whose torques are
     judged, if not those of `throw`.
@@ -43,7 +43,8 @@ def verdict(
     flight = flight_of(throw)
     measures = measures_of(throw, flight)
     judged = Judged(throw, flight, measures, target or throw.target, driven or throw)
-    findings = [*motion_findings(throw if sent is None else sent), *judged.findings(0)]
+    commanded = throw if sent is None else sent
+    findings = [*joint_findings(throw.manipulator, commanded.samples), *judged.findings(0)]
     if sent is not None and throw.lands:
         uses = _tool_speed(sent, measures_of(sent))
         findings += [found for use in uses for found in _finding(use, 0)]
@@ -129,7 +130,8 @@ class Judged:
                 before = found.get(use.code, np.zeros(count, bool))
                 found[use.code] = before | (where & use.broken)
         return found | {
-            finding.code: np.ones(count, bool) for finding in motion_findings(self.throw)
+            finding.code: np.ones(count, bool)
+            for finding in joint_findings(self.throw.manipulator, self.throw.samples)
         }
 
     def _landing(self) -> list[LimitUse]:
