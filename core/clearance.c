@@ -394,7 +394,7 @@ static double apart_of(const bodies *all, int64_t i)
 static int64_t look(const bodies *all, const track *on, int64_t from, contact *found)
 {
     int64_t count = 0, bodies_here = all->links + on->bar;
-    double when, flying = on->flying;
+    double when, flying = (double)on->flying;
     for (int64_t s = 0; s < all->solids; s++)
         for (int64_t b = from; b < bodies_here; b++) {
             const solid *solid = all->around + s;
