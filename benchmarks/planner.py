@@ -1,8 +1,8 @@
-"""Section `planner`: error against run time, over meshes, integrators and solvers.
+"""Section `planner`: error against run time, over meshes and solvers.
 
 Each setting plans to the same random targets, one after the other with the default's, whose time
 is its measure. The error before correction is how far the exact throw of the planned motion lands
-from where the NLP believes: what smoothing, mesh and integrator cost. What a plan ends with, after
+from where the NLP believes: what smoothing and mesh cost. What a plan ends with, after
 its corrections, is the final error.
 """
 
@@ -19,7 +19,7 @@ import numpy as np
 from throwplan import Plan, Planner, Pose, Scene, load_scene
 from throwplan.models import Array
 from throwplan.planner.planner import SolverName
-from throwplan.planner.show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, Row, Table
+from throwplan.planner.show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Row, Table
 
 from .measure import (
     pareto,
@@ -46,8 +46,6 @@ SETTINGS = {
     "grading": ((), (1.0, 1.25, 1.5, 2.0, 3.0)),
     "epsilon": ((0.01,), (0.3, 0.1, 0.03, 0.02, 0.015, 0.01, 0.003, 0.001)),
 }
-#: (intervals of the opening, Runge-Kutta steps in each): quick, full.
-STEPS = (((8, 2),), ((4, 1), (8, 1), (16, 1), (4, 2), (8, 2), (16, 4)))
 #: Relative differences of solving time, error and effort below which settings count as equal.
 MARGINS = (0.1, 0.1, 5e-3)
 #: Least share of solved targets of a setting that is compared.
@@ -58,7 +56,6 @@ STYLES = {
     "opening": (GREEN, "o", "-"),
     "grading": (ORANGE, "o", "-"),
     "epsilon": (RED, "o", "-"),
-    "integrator": (TEAL, "o", ""),
     "IPOPT": (GREY, "^", ""),
     "default": (BLACK, "D", ""),
 }
@@ -117,9 +114,6 @@ def variants(quick: bool) -> list[Variant]:
     found = [Variant(), Variant(solver="ipopt")]
     for name, values in SETTINGS.items():
         found += [Variant(((name, value),)) for value in values[which]]
-    for opening, substeps in STEPS[which]:
-        mesh = (("integrator", "rk4"), ("opening", opening), ("substeps", substeps))
-        found.append(Variant(mesh))
     usual = dataclasses.asdict(load_scene("cup").mesh)
     return [v for v in found if not v.mesh or any(usual[k] != value for k, value in v.mesh)]
 
@@ -273,7 +267,7 @@ def _mesh(scene: Scene) -> str:
     """The settings of the NLP, as a scene file has them."""
     mesh = scene.mesh
     words = f"carry = {mesh.carry}, opening = {mesh.opening}, grading = {mesh.grading:g}"
-    return f'{words}, integrator = "{mesh.integrator}", epsilon = {mesh.epsilon:g}'
+    return f"{words}, epsilon = {mesh.epsilon:g}"
 
 
 def _draw_settings(rows: Table) -> Figure:

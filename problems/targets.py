@@ -320,23 +320,12 @@ class Mesh(Section):
     grading: float = quantity(
         "above 1 the opening's intervals shrink towards its end", least=1, most=4, default=2.0
     )
-    integrator: str = quantity(
-        "of the opening: two-point collocation, or Runge-Kutta with `substeps`",
-        choices=("gauss", "rk4"),
-        default="gauss",
-    )
-    substeps: int = quantity("steps per interval; only with `rk4`", least=1, most=20, default=2)
     epsilon: float = quantity(
         "relative rounding width of the friction laws", above=0, most=1, default=0.02
     )
     carry_max: float = quantity(
         "s, longest carry; above the gripper's dwell by 0.05 s", above=0, default=2.0
     )
-
-    def check(self) -> None:
-        """Substeps are those of `rk4`."""
-        if self.integrator != "rk4" and self.substeps != Mesh.substeps:
-            raise InputError(f'substeps = {self.substeps}: only with integrator = "rk4"')
 
 
 @dataclasses.dataclass(frozen=True)

@@ -49,8 +49,6 @@ class Structure:
     opening: int
     early: int
     late: int
-    integrator: str
-    substeps: int
     instants: int
     free_start: bool
     initial_motion: bool

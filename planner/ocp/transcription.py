@@ -4,11 +4,9 @@
 `Interval` leads to the next stage. The coordinates inside an interval are polynomials in closed
 form.
 
-The state of the object in the pads takes Gauss collocation or Runge-Kutta steps. Two-point
-collocation (order 4, A-stable) has the accelerations at its points as unknowns: an interval needs
-two evaluations of the friction law, each a constraint of its own, and the next state is linear in
-the unknowns. Classical Runge-Kutta needs eight nested evaluations for equal accuracy, and its
-stability limits step / epsilon.
+The state of the object in the pads takes two-point Gauss collocation (order 4, A-stable), with the
+accelerations at its points as unknowns: an interval needs two evaluations of the friction law, each
+a constraint of its own, and the next state is linear in the unknowns.
 """
 
 from __future__ import annotations
@@ -24,8 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Array, Body, Contact, FlightLaw, HandMotion
-from ...models.release import SlidingPivot, Widths, rk4_step
-from ...problems import Mesh
+from ...models.release import SlidingPivot, Widths
 from ..throw import Manipulator
 from .stages import (
     ACC,
@@ -297,12 +294,9 @@ class Interval(Node):
         the opening, of others in the whole window of a robust plan."""
         s, dt = self.ocp.structure, self.dt
         first, end = (s.carry, s.last) if opening else (s.opens, s.detach)
-        gauss = s.integrator == "gauss" or opening > 0
-        points = 2 if gauss else 2 * s.substeps + 1
-        forces = self.stage_parameter(f"grip_force {opening}", points, first, end - first)
-        grips, state = ca.vertsplit(forces), self.relative_state(opening)
-        step = self._gauss_step if gauss else self._runge_kutta_steps
-        self.set_next(REL.number(opening), step(state, dt, grips, opening))
+        forces = self.stage_parameter(f"grip_force {opening}", 2, first, end - first)
+        state = self._gauss_step(self.relative_state(opening), dt, ca.vertsplit(forces), opening)
+        self.set_next(REL.number(opening), state)
 
     def _gauss_step(self, state: list[ca.SX], dt: ca.SX, grips: list[ca.SX], opening: int) -> ca.SX:
         """The state at the interval's end; adds the collocation constraints.
@@ -323,21 +317,6 @@ class Interval(Node):
         end = place + dt * rate + dt**2 * (acceleration @ _RATE.sum(axis=0) / 2)
         return ca.vertcat(end, rate + dt * ca.sum2(acceleration) / 2)
 
-    def _runge_kutta_steps(
-        self, state: list[ca.SX], dt: ca.SX, grips: list[ca.SX], opening: int
-    ) -> ca.SX:
-        """The state at the interval's end; grips: at the ends and the middle of each step."""
-        steps, half = len(grips) // 2, len(state) // 2
-        hands = [self.hand_at(i / (2 * steps))[2] for i in range(2 * steps + 1)]
-
-        def rates(values: list[ca.SX], hand: HandMotion, grip: ca.SX) -> list[ca.SX]:
-            law = self._accelerations(values, hand, grip, opening)
-            return [*values[half:], *self.stage.lift(*law)]
-
-        for i in range(0, 2 * steps, 2):
-            state = rk4_step(rates, state, hands[i : i + 3], grips[i : i + 3], dt / steps)
-        return ca.vertcat(*state)
-
     def _accelerations(
         self, state: list[ca.SX], hand: HandMotion, grip: ca.SX, opening: int
     ) -> list[ca.SX]:
@@ -353,9 +332,6 @@ class Interval(Node):
         return list(rates[3:] if self.ocp.structure.pivot else rates[3:5])
 
 
-def grip_instants(mesh: Mesh, nodes: Array) -> Array:
-    """Times (intervals, k) [s] at which the integrator evaluates the grip force."""
-    shares = np.array(NODES)
-    if mesh.integrator == "rk4":
-        shares = np.linspace(0.0, 1.0, 2 * mesh.substeps + 1)
-    return np.asarray(nodes[:-1, None] + np.diff(nodes)[:, None] * shares)
+def grip_instants(nodes: Array) -> Array:
+    """Times (intervals, 2) [s] at which the collocation evaluates the grip force."""
+    return np.asarray(nodes[:-1, None] + np.diff(nodes)[:, None] * NODES)

@@ -321,7 +321,6 @@ VOID = [
         r"\[target\] velocity and arrival: only",
     ),
     ("hand-box", "[workspace]\npalm_clearance = 0.01", r"\[workspace\] palm_clearance: only for"),
-    ("pose", "[mesh]\nsubsteps = 4", r"\[mesh\] substeps = 4: only with integrator"),
 ]
 
 

@@ -206,9 +206,7 @@ class Scenarios(SceneConstraint):
             return None
         scene, values = request.scene, dict[str, Any](scenario_weight=SETTINGS.miss_price)
         profile, deviations = scene.gripper.profile(), scene.deviations
-        # Collocated by Gauss, whatever integrates the planned throw.
-        gauss = scene.mesh.changed(integrator="gauss")
-        instants = grip_instants(gauss, request.nodes).ravel()
+        instants = grip_instants(request.nodes).ravel()
         for i, delay in enumerate(request.window.delays, start=1):
             value = dict(scene.values)
             for name in SIGNS.keys() & deviations.keys():
