@@ -457,7 +457,7 @@ INLINE void fly(const course *c, const thrown *s, const object *o, const box *bo
         if (least(away) >= far * far)
             continue;
         EACH_PART(o, &at, gap, between(&part, &there, body, &hand, found));
-        EACH_LANE gap[l] = away[l] < far * far ? GREATER(gap[l], 0.0) : INFINITY;
+        EACH_LANE gap[l] = away[l] < far * far ? gap[l] : INFINITY;
         lower(&m->palm, gap, clock);
         for (int l = 0; l < LANES; l++)
             if (gap[l] <= GREATER(around->palm_clearance - 1e-6, 0.0))

@@ -181,10 +181,8 @@ class Judged:
             beyond = np.where(missed | (clearance > enough), math.inf, clearance)
             yield LimitUse(Code.CUP_WALL, beyond, cup.clearance, -1.0)
         if room is not None:
-            first, least = m.value("palm_time"), m.value("palm")
-            near = np.where(np.isfinite(first), least, math.inf)
-            time = self.flights.freed + first
-            yield LimitUse(Code.PALM, near, room, -1.0, FLYING, time)
+            first = self.flights.freed + m.value("palm_time")
+            yield distance(Code.PALM, "palm", room, FLYING)._replace(time=first)
         if column_of(scene) is not None:
             yield distance(Code.COLUMN, "column_held", 0.0, BAR)
             yield distance(Code.COLUMN, "column_flown", 0.0, FLYING)

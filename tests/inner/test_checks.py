@@ -12,6 +12,7 @@ import throwplan as tp
 from throwplan.models import Trajectory
 from throwplan.models.robot import PlanarHand, hand_motion
 from throwplan.planner.throw import TICK, Manipulator, Samples, Throw, excesses, make_manipulator
+from throwplan.planner.throw.manipulator import HandError
 from throwplan.planner.verdict import Code, measures_of, verdict
 
 
@@ -89,6 +90,18 @@ def test_a_swing_of_the_acceleration_between_two_samples_is_seen() -> None:
     assert grip_of(Throw(scene, manipulator, sent, 0.1)) == pytest.approx(expected, rel=0.02)
     still = Samples(rest, rest, rest).path
     assert grip_of(Throw(scene, manipulator, still, 0.1)) < 0.7 * expected
+
+
+def test_a_bar_that_flies_into_the_palm_breaks_a_clearance_of_zero(loud_planner_of) -> None:
+    """A hand that turns faster than planned from the opening on runs into the bar."""
+    plan = loud_planner_of("pose").plan(tp.Pose(x=0.6, z=0.1, theta=3.0))
+    throw = plan.throw.deciding
+    bare, hits = throw.in_scene(throw.scene.without_reserves()), []
+    for turning in np.linspace(15.0, 25.0, 21):
+        other = dataclasses.replace(bare, error=HandError(omega=turning))
+        hits.append(measures_of(other).value("palm")[0] < 0.0)
+        assert (Code.PALM in verdict(other).codes) == hits[-1]
+    assert 0 < sum(hits) < len(hits)
 
 
 def test_a_checked_throw_goes_to_another_process(cup_plan: tp.Plan) -> None:
