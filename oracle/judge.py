@@ -14,6 +14,8 @@ from .clearance import Around, Bar, Capsule, Flight, Found, at_least, at_most
 from .motion import TICK, ArmMotion, Array, HandMotion, Samples
 from .release import Held, Released, released
 
+#: Share of the grip's limit by which its use may be above the plan's margin between two instants.
+BETWEEN = 0.002
 #: Number of instants of a tick at which grip and tool speed are checked.
 INSTANTS = 8
 #: Error (position [m], angle [rad]) of a landing.
@@ -146,8 +148,8 @@ class Oracle:
         hand_x, _z, _theta: how far the hand, and with it bar and palm, is off its motion all along;
         hand_vx, _vz, _omega: the rates by which it leaves it when the force starts to fall. The
         arm's links are where the joints that are sent put them.
-        planned: clearances, the torque margin and tolerance are kept, as of a plan; else, as of
-        what really happens, contact counts, and with a cup only whether the bar goes in.
+        planned: clearances, tolerance, margins of torque and grip are kept, as of a plan; else, as
+        of what really happens, contact counts, and with a cup only whether the bar goes in.
         """
         rows = {} if rows is None else {k: np.atleast_1d(v) for k, v in rows.items()}
         count = max((len(v) for v in rows.values()), default=1)
@@ -164,7 +166,7 @@ class Oracle:
         landing = self._landing(detach)
         lands = held.begins + held.opening + landing[:, 2]
         found = self._limits() | self._landed(detach, landing, lands, planned)
-        found["grip"] = self._grip(held)
+        found["grip"] = self._grip(held, self.scene.gripper.sticking_margin if planned else 0.0)
         if self.arm is not None and self.scene.arm.links:
             found["torque"] = self._torque(held, self._torque_margin if planned else 0.0)
         found |= self.around.arm(planned)
@@ -250,8 +252,9 @@ class Oracle:
             found["arrival, earliest"] = at_least(lands, first - LATE)
         return found
 
-    def _grip(self, held: Held) -> Found:
-        """Largest use of the full grip from rest to the opening's start, at every instant."""
+    def _grip(self, held: Held, margin: float) -> Found:
+        """Largest use of the full grip from rest to the opening's start, at every instant; a plan
+        keeps the scene's margin but for `BETWEEN` of the limit."""
         times = self.hand.instants(float(held.begins.max()), INSTANTS)
         motion, worst = self.hand.at(times), np.empty(held.mass.size)
         for i, begins in enumerate(held.begins):
@@ -265,7 +268,7 @@ class Oracle:
                 )
             ]
             worst[i] = math.sqrt(max(use)) / (held.faces * held.friction[i] * held.full)
-        return at_most(worst, 1.0)
+        return at_most(worst, 1.0 - margin + min(margin, BETWEEN))
 
     # The sent motion.
 

@@ -311,12 +311,15 @@ class LearningControl:
     def of(cls, plan: Throw, recording: Recording) -> LearningControl:
         """The control for a plan, by the recording of a motion that was sent for it.
 
-        The plan's torque margin is a reserve for what the arm does beside the plan: it may be used.
+        The plan's margins of torque and grip are reserves for what the arm does beside the plan:
+        they may be used.
         """
         scene = plan.scene
-        if scene.torque_margin:
-            torque = (scene.torque or Torque()).changed(margin=0.0)
-            plan = plan.in_scene(scene.changed(torque=torque))
+        gripper = scene.gripper.changed(sticking_margin=0.0)
+        torque = (
+            (scene.torque or Torque()).changed(margin=0.0) if scene.torque_margin else scene.torque
+        )
+        plan = plan.in_scene(scene.changed(gripper=gripper, torque=torque))
         opening_time = plan.opening_time + LEARNING.knot * LEARNING.run_up
         opening = plan.scene.gripper.profile().opening
         pieces = int(np.ceil((opening_time + opening) / LEARNING.knot)) + LEARNING.stop
