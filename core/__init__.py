@@ -5,86 +5,195 @@ It is the only implementation of what it does. functions.h says what its functio
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
+import math
 import multiprocessing
 import os
 import sys
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
-from .functions import functions_of
-from .structures import (
-    AXES,
-    FRAMES,
-    ROWS,
-    BatchC,
-    BodiesC,
-    GripC,
-    LimitsC,
-    LinkageC,
-    MoveC,
-    MovedC,
-    PathC,
-    ReleaseC,
-    SamplesC,
-    SceneC,
-    SolidC,
-    ThrowsC,
-    TorquesC,
-    columns_of,
-    layout,
-)
+import numpy as np
+import numpy.typing as npt
 
 #: Of shared libraries, by platform; as in setup.py.
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+#: The library.
+_PLACE = Path(__file__).with_name(f"_core{SUFFIX}")
+#: Arrays in C, by the types of their elements in Python.
+_KINDS = {np.dtype(float): "double[]", np.dtype(np.int64): "int64_t[]"}
+_KINDS[np.dtype(bool)] = "unsigned char[]"
+#: What cffi would copy for the time of a call, whatever the length that C reads.
+_COPIED = (list, tuple, dict, bytes)
 
 
 class CoreError(ImportError):
     """The compiled core is not there, or is not the one that this package needs."""
 
 
-class _Place(ctypes.Structure):
-    _fields_ = (("name", ctypes.c_char_p), ("offset", ctypes.c_int64), ("size", ctypes.c_int64))
-
-
 @cache
 def library() -> SimpleNamespace:
-    """The functions of functions.h; CoreError where the library is missing, or was built from other
-    sources, or has structures that differ from Python's."""
-    place = Path(__file__).with_name(f"_core{SUFFIX}")
+    """The functions and constants of the headers, and `ffi`, of cffi; CoreError where the library
+    is missing, or was built from other sources.
+
+    The functions take numbers, structures, what `array` gives, and None for NULL; TypeError for
+    others.
+    """
     try:
-        core = ctypes.CDLL(str(place))
-        sources, places = _sources(core), _layout(core)
-        found = functions_of(core)
-    except (OSError, AttributeError) as error:
-        why = "cannot be loaded" if place.exists() else "is missing"
-        raise _core_error(place, why) from error
-    if _hash_of_sources() not in ("", sources):
-        raise _core_error(place, "was built from other sources")
-    if differences := differing(places):
-        raise _core_error(place, f"was built from other sources: {', '.join(differences[:5])}")
-    return found
+        # Not there before the library is built.
+        from ._binding import SOURCES, ffi
+
+        core = ffi.dlopen(str(_PLACE))
+        built = ffi.string(core.core_sources).decode()
+        why = "" if built == SOURCES == (_hash_of_sources() or built) else "is of other sources"
+    except (ImportError, OSError, AttributeError):
+        why = "cannot be loaded" if _PLACE.exists() else "is missing"
+    if why:
+        advice = "run `make core` in the checkout, or `pip install .`"
+        raise CoreError(f"the compiled core {_PLACE} {why}: {advice}")
+    found = {name: getattr(core, name) for name in dir(core)}
+    functions = {name: _function(part, ffi) for name, part in found.items() if callable(part)}
+    # Without `core` itself the library would be closed.
+    return SimpleNamespace(**found | functions, ffi=ffi, core=core)
 
 
-def _core_error(place: Path, why: str) -> CoreError:
-    return CoreError(
-        f"the compiled core {place} {why}: run `make core` in the checkout, or `pip install .`"
-    )
+def _function(function: Callable[..., Any], ffi: Any) -> Callable[..., Any]:
+    """A function that also takes structures, by their pointers, and None."""
+
+    def given(argument: Any) -> Any:
+        if type(argument) is Structure:
+            return argument.c
+        if isinstance(argument, _COPIED):
+            raise TypeError("the core takes arrays by `array` and `out`")
+        return ffi.NULL if argument is None else argument
+
+    return lambda *arguments: function(*map(given, arguments))
 
 
 def _hash_of_sources() -> str:
-    """As setup.py hashes the C files; empty for an installed package, which has no C file."""
-    files = sorted(Path(__file__).resolve().parent.glob("*.[ch]"))
-    text = b"".join(file.read_bytes() for file in files)
-    return hashlib.sha256(text).hexdigest() if any(f.suffix == ".c" for f in files) else ""
+    """As setup.py hashes the C files; empty for an installed package, which has none."""
+    files = sorted(_PLACE.parent.glob("*.[ch]"))
+    return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest() if files else ""
 
 
-def differing(places: dict[str, tuple[int, int]]) -> list[str]:
-    """Names of structures and fields that are elsewhere than Python has them."""
-    known = layout()
-    return sorted(n for n in known.keys() | places.keys() if known.get(n) != places.get(n))
+def array(values: npt.NDArray[Any], *shape: int, of: str = "") -> Any:
+    """A pointer to an array of this shape, which C reads; it lives as long as the pointer.
+
+    of: the structure in C that each row of doubles is, if it is one. TypeError or ValueError for an
+    array of another type or size, or that is not contiguous.
+    """
+    return _pointer(values, shape, of, written=False)
+
+
+def out(values: npt.NDArray[Any], *shape: int, of: str = "") -> Any:
+    """A pointer to an array of at least this shape, in which C writes: see `array`."""
+    return _pointer(values, shape, of, written=True)
+
+
+def _pointer(values: npt.NDArray[Any], shape: tuple[int, ...], of: str, written: bool) -> Any:
+    kind = _KINDS.get(values.dtype) if isinstance(values, np.ndarray) else None
+    if kind is None:
+        found = values.dtype if isinstance(values, np.ndarray) else type(values).__name__
+        raise TypeError(f"the core takes arrays of double, int64 or bool, not {found}")
+    pointer = library().ffi.from_buffer(f"{of}[]" if of else kind, values, written)
+    size, given = math.prod(shape), len(pointer)
+    if given < size or (given > size and not written):
+        raise ValueError(f"the core takes {size} elements, {shape}, not {given}")
+    return pointer
+
+
+@cache
+def columns_of(kind: str) -> dict[str, slice]:
+    """Columns of the fields of a structure that is a row of doubles."""
+    sizeof, fields = library().ffi.sizeof, library().ffi.typeof(kind).fields
+    return {n: slice(f.offset // 8, (f.offset + sizeof(f.type)) // 8) for n, f in fields}
+
+
+def rows(kind: str, *count: int) -> npt.NDArray[np.float64]:
+    """Room for structures that are rows of doubles."""
+    return np.empty((*count, library().ffi.sizeof(kind) // 8))
+
+
+class Structure:
+    """A structure by its name in C. Its fields are attributes, all 0 at first.
+
+    Fields that are arrays of numbers are set to sequences, pointers to structures or to what
+    `array` gives, which then live as long as the structure, or to None for NULL. TypeError for a
+    pointer to another type.
+    """
+
+    __slots__ = ("c", "kept")
+    #: The pointer that C takes, and what its own pointers lead to.
+    c: Any
+    kept: dict[str, Any]
+
+    def __init__(self, kind: str, **fields: Any) -> None:
+        object.__setattr__(self, "c", library().ffi.new(f"{kind} *"))
+        object.__setattr__(self, "kept", {})
+        self.attach(**fields)
+
+    def __getattr__(self, name: str) -> Any:
+        """A number, or what is in C: valid as long as this structure lives."""
+        return getattr(self.c, name)
+
+    def __setattr__(self, name: str, part: Any) -> None:
+        ffi, value = library().ffi, part
+        if isinstance(part, Structure):
+            inside = ffi.typeof(getattr(self.c, name)).kind == "struct"
+            value = part.c[0] if inside else part.c
+        setattr(self.c, name, ffi.NULL if part is None else value)
+        if isinstance(value, ffi.CData):
+            self.kept[name] = part
+
+    def attach(self, **parts: Any) -> None:
+        """Sets fields."""
+        for name, part in parts.items():
+            setattr(self, name, part)
+
+    def copy(self) -> Structure:
+        """Another that points to the same parts."""
+        found = _copied(*self._state)
+        found.kept.update(self.kept)
+        return found
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For another process, which has none of its pointers."""
+        if self.kept:
+            raise TypeError("a structure with pointers belongs to its process")
+        return _copied, self._state
+
+    @property
+    def _state(self) -> tuple[str, bytes]:
+        """Name and bytes."""
+        ffi = library().ffi
+        return ffi.typeof(self.c).item.cname, bytes(ffi.buffer(self.c))
+
+
+def _copied(kind: str, data: bytes) -> Structure:
+    found = Structure(kind)
+    library().ffi.buffer(found.c)[:] = data
+    return found
+
+
+def structures(kind: str, parts: Iterable[Structure]) -> Any:
+    """A pointer to an array of structures, copies of `parts`."""
+    return library().ffi.new(f"{kind}[]", [part.c[0] for part in parts])
+
+
+def sampled(tick: float, *rows: npt.NDArray[np.float64]) -> Structure:
+    """Samples q, dq, ddq, each (K, n), or q alone for functions that read no more.
+
+    Arrays that cannot be written to are copied, as some functions write samples.
+    """
+    (count, n), most = rows[0].shape, library().AXES
+    if n > most:
+        raise ValueError(f"the core takes at most {most} coordinates, not {n}")
+    arrays = (np.ascontiguousarray(r) if r.flags.writeable else r.copy() for r in rows)
+    parts = {name: out(r, count, n) for name, r in zip(("q", "dq", "ddq"), arrays, strict=False)}
+    return Structure("samples", rows=count, n=n, tick=tick, **parts)
 
 
 def threads() -> int:
@@ -95,17 +204,3 @@ def threads() -> int:
         return len(os.sched_getaffinity(0))
     except AttributeError:
         return os.cpu_count() or 1
-
-
-def _layout(core: ctypes.CDLL) -> dict[str, tuple[int, int]]:
-    """Offset and size [bytes] of each structure of the library and of each of its fields."""
-    rows = ctypes.POINTER(_Place)()
-    core.core_layout.restype = ctypes.c_int64
-    count = core.core_layout(ctypes.byref(rows))
-    return {row.name.decode(): (row.offset, row.size) for row in rows[:count]}
-
-
-def _sources(core: ctypes.CDLL) -> str:
-    """The hash of the C files that the library was built from."""
-    core.core_sources.restype = ctypes.c_char_p
-    return str(core.core_sources().decode())

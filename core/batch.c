@@ -161,3 +161,5 @@ WIDE_CLONES EXPORT void limit_surface(const batch *b)
         store(b, &k, state, lost);
     }
 }
+
+const char core_sources[] = CORE_SOURCES;

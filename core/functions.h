@@ -1,12 +1,9 @@
 /* The functions that Python calls. Units and frame are those of structures.h.
 
-   core/functions.py reads this file, and refuses calls with other arrays or structures than declared here. A
-   comment beside a pointer begins with the lengths of its array, in the arguments and their fields: that
-   many elements are read, or written at most; of a const array there must be exactly so many. Without
-   lengths it points to one structure. NULL: there may be none. `Requires` in the comment of a function is
-   checked too. */
-#ifndef FUNCTIONS_H
-#define FUNCTIONS_H
+   setup.py reads this file. A comment beside a pointer begins with the lengths of its array, in the arguments
+   and their fields, which Python gives to `array`: that many elements are read, or written at most. Without
+   lengths it points to one structure. NULL: there may be none. `Requires`: what must hold as well. */
+#pragma once
 
 #include "structures.h"
 
@@ -163,4 +160,5 @@ EXPORT int64_t overlaps(int64_t count, const linkage *arm, const bodies *all,
                         double *deepest    /* [count] m */
 );
 
-#endif
+/* A hash of the sources, which the loader compares. */
+EXPORT extern const char core_sources[];

@@ -3,11 +3,11 @@
    pose is x, z [m] and theta [rad], a twist the rates of a pose [m/s, rad/s]. CoM: the thrown object's,
    a bar's.
 
-   core/structures.py reads this file. A field is an int64_t, a double, a structure, an array or a pointer.
-   A comment beside a pointer begins with the lengths of its array, in fields of its structure; the last
-   index counts fastest. Without lengths it points to one structure. NULL: there may be none. */
-#ifndef STRUCTURES_H
-#define STRUCTURES_H
+   setup.py reads this file. A field is an int64_t, a double, a structure, an array or a pointer. A comment
+   beside a pointer begins with the lengths of its array, in fields of its structure, which Python gives to
+   `array`; the last index counts fastest. Without lengths it points to one structure. NULL: there may be
+   none. */
+#pragma once
 
 #include "core.h"
 
@@ -211,5 +211,3 @@ typedef struct {
 typedef struct {
     double body, flying, other, missing, time;
 } contact;
-
-#endif

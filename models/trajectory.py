@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..core import AXES, LinkageC, PathC, SamplesC, library
+from ..core import Structure, array, library, out, sampled
 from .body import Array, HandSamples, ReadOnly
 
 #: Indices among N throws.
@@ -113,7 +113,8 @@ class Trajectory(ReadOnly):
         """
         pieces, n = max(len(q) - 1, 0), q.shape[1]
         given, kinks = np.empty((6, n, pieces, 1)), np.empty(4 * len(q))
-        corners = library().quintics(SamplesC.of(step, q, dq, ddq), given, kinks)
+        arrays = out(given, 6, n, pieces), out(kinks, 4 * len(q))
+        corners = library().quintics(sampled(step, q, dq, ddq), *arrays)
         times = step * np.arange(len(q), dtype=np.float64)
         return cls(times, given, kinks[:corners], held=True)
 
@@ -142,13 +143,15 @@ class Trajectory(ReadOnly):
         return np.ascontiguousarray(splines.transpose(0, 3, 1, 2))
 
     @cached_property
-    def core(self) -> PathC:
+    def core(self) -> Structure:
         """A single path without drift, for the compiled core."""
         powers, n, pieces, rows = self.coefficients.shape
-        assert rows == 1 and n <= AXES and self.drift is None
-        path = PathC(n=n, powers=powers, pieces=pieces, held=self.held, corners=self.kinks.size)
-        parts = {"breaks": self.breaks, "curves": self.coefficients, "kinks": self.kinks}
-        path.attach(**{name: np.ascontiguousarray(part) for name, part in parts.items()})
+        assert rows == 1 and n <= library().AXES and self.drift is None
+        corners, contiguous = self.kinks.size, np.ascontiguousarray
+        path = Structure("path", n=n, powers=powers, pieces=pieces, held=self.held, corners=corners)
+        path.breaks = array(contiguous(self.breaks), pieces + 1)
+        path.curves = array(contiguous(self.coefficients), powers, n, pieces)
+        path.kinks = array(contiguous(self.kinks), corners)
         return path
 
     def __getstate__(self) -> dict[str, Any]:
@@ -231,7 +234,7 @@ class MovedHand:
 
     path: Trajectory
     motion: Callable[..., Any]
-    linkage: LinkageC
+    linkage: Structure
     turning: float = 0.0
 
     def at(self, times: npt.ArrayLike) -> HandSamples:

@@ -4,4 +4,4 @@ Compiler and folder may be missing: callers then run slower and give the same an
 """
 
 from .cache import DAMAGED, cache_folder, digest, keep, kept, publish, scratch_folder, source_of
-from .machine_code import c_compiler, compiled, compiled_later
+from .machine_code import Made, c_compiler, compiled, compiled_later

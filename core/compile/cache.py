@@ -10,23 +10,20 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
-import platform
-import re
 import secrets
 import shutil
 import stat
 import sys
+import time
 import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 #: Characters of a sum.
 SUM = 24
-#: Numbers of processes are those of a namespace of the host: containers have their own.
-NAMESPACE = Path("/proc/self/ns/pid")
 #: What reading a damaged NPZ file may raise.
 DAMAGED = (
     *(OSError, ValueError, KeyError, IndexError, TypeError, EOFError, RuntimeError),
@@ -56,30 +53,11 @@ def cache_folder() -> Path | None:
 
 @functools.cache
 def _delete_abandoned(folder: Path) -> None:
-    """Deletes what killed processes left; once in this process.
-
-    Only those of this host can be known to have ended; on Windows `os.kill` would end one.
-    """
-    if os.name != "posix":
-        return
-    own = re.compile(re.escape(_scratch_names()) + r"(\d+)-[0-9a-f]{12}")
+    """Deletes what killed processes left more than a day ago; once in this process."""
     for scratch in (*folder.glob("tmp-*"), *folder.glob("*/tmp-*")):
-        found = own.fullmatch(scratch.name)
-        if found is None:
-            continue
-        try:
-            os.kill(int(found[1]), 0)
-        except ProcessLookupError:
-            shutil.rmtree(scratch, ignore_errors=True)
-        except (OSError, OverflowError):
-            continue
-
-
-@functools.cache
-def _scratch_names() -> str:
-    """How names of this host's scratch folders begin, before the number of their process."""
-    space = NAMESPACE.stat().st_ino if NAMESPACE.exists() else 0
-    return f"tmp-{platform.node()}-{space}-"
+        with suppress(OSError):
+            if time.time() - scratch.stat().st_mtime > 86_400:
+                shutil.rmtree(scratch, ignore_errors=True)
 
 
 @contextmanager
@@ -88,7 +66,7 @@ def scratch_folder(parent: Path) -> Iterator[Path]:
 
     `tempfile.TemporaryDirectory` leaves its folder if a signal meets it while it deletes.
     """
-    scratch = parent / f"{_scratch_names()}{os.getpid()}-{secrets.token_hex(6)}"
+    scratch = parent / f"tmp-{secrets.token_hex(6)}"
     try:
         try:
             scratch.mkdir(0o700)

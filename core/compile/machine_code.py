@@ -7,10 +7,8 @@ import os
 import platform
 import shutil
 import subprocess
-import threading
-import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import parent_process
 from pathlib import Path
 
@@ -33,17 +31,15 @@ exit $status
 #: Runs a command at the least priority. On Linux a session's share of a busy core is that of its
 #: group.
 IDLE = 'echo 19 2>/dev/null >/proc/self/autogroup; exec nice -n 19 "$@"'
-#: Longest time [s] that a compilation may take before it is given up; one beside other work waits.
+#: Longest time [s] that a compilation may take; one beside other work may go on.
 PATIENCE = 900.0
-#: Time [s] between two looks at a compiler.
-POLL = 0.05
 #: Code longer than this (bytes), that of scenarios, takes minutes and gigabytes to compile.
 LARGEST = 8_000_000
 
-#: Held while a compilation is under way beside other work.
-_ONE_LATER = threading.Lock()
-#: Set when the process ends.
-_ENDING = threading.Event()
+#: What tells whether a library is made; None while the compiler works.
+Made = Callable[[], bool | None]
+#: The last compilation beside other work.
+_LATER: list[Made] = []
 
 Functions = dict[str, ca.Function]
 
@@ -73,48 +69,33 @@ def compiled(
         return derive()
 
 
-def compiled_later(key: str, functions: Functions) -> Future[bool] | None:
+def compiled_later(key: str, functions: Functions) -> Made | None:
     """Begins to compile for `compiled` to find, at the least priority beside other work.
 
-    Returns what tells whether the library is there; None while another such compilation is under
-    way, so that one may ask again. It ends with the process, without a library if it is not done.
-    Workers compile nothing: many would compile the same.
+    None while another such compilation is under way, so that one may ask again. It ends with the
+    process, without a library if it is not done. Workers compile nothing: many would compile the
+    same.
     """
-    only_one = _ONE_LATER
-    if only_one.locked():
+    if _LATER and _LATER[0]() is None:
         return None
-    future, target = Future[bool](), _library(key)
-    there = target is not None and kept(target) is not None
-    if target is None or there or c_compiler() is None or parent_process() is not None:
-        future.set_result(there)
-        return future
-    if not only_one.acquire(blocking=False):
-        return None
-
-    def work() -> None:
-        made = False
-        try:
-            made = _make(target, source, idle=True)
-        finally:
-            only_one.release()
-            future.set_result(made)
-
+    target, stack = _library(key), ExitStack()
+    found = target is not None and kept(target) is not None
+    if target is None or found or parent_process() is not None:
+        return lambda: found
     try:
-        # CasADi may not be used by two threads: the code is made here.
-        source = _source(functions)
-        thread = threading.Thread(target=work, name="throwplan-compiler", daemon=True)
-        thread.start()
-    except BaseException:
-        only_one.release()
-        raise
-    atexit.register(_end, thread)
-    return future
+        made = stack.enter_context(_compiling(target, functions, idle=True))
+    except OSError:
+        return lambda: False
 
+    def done() -> bool | None:
+        if (result := made()) is not None:
+            stack.close()
+        return result
 
-def _end(thread: threading.Thread) -> None:
-    """Ends a compilation with the process, and has it delete its files."""
-    _ENDING.set()
-    thread.join(1.0)
+    _LATER[:] = [done]
+    atexit.register(stack.close)
+    atexit.register(done)
+    return done
 
 
 def _library(key: str) -> Path | None:
@@ -127,52 +108,58 @@ def _library(key: str) -> Path | None:
 
 def _compile(target: Path, functions: Functions) -> bool:
     """Whether it could make the library."""
-    return c_compiler() is not None and _make(target, _source(functions))
-
-
-def _source(functions: Functions) -> str:
-    generator = ca.CodeGenerator("throw")
-    for function in functions.values():
-        generator.add(function)
-    return str(generator.dump())
-
-
-def _make(target: Path, source: str, idle: bool = False) -> bool:
-    """Whether a compiler made the library of C code."""
-    command = c_compiler()
-    if command is None or len(source) > LARGEST:
-        return False
     try:
-        with scratch_folder(target.parent) as scratch:
-            code, made = scratch / "code.c", scratch / target.name
-            code.write_text(source, encoding="utf-8")
-            order = [command, *FLAGS, "-o", str(made), str(code), "-lm"]
-            if idle and os.name == "posix":
-                order = ["sh", "-c", IDLE, "sh", *order]
-            # What stands behind its end does not matter to a library.
-            return _run(order, scratch) and keep(target.parent, target.name, made.read_bytes())
+        with _compiling(target, functions) as made:
+            return bool(made(PATIENCE))
     except (OSError, subprocess.SubprocessError):
         return False
 
 
-def _run(command: Sequence[str], scratch: Path) -> bool:
-    """Whether a compiler succeeded. It ends, with the programs that it starts, before `_run` does,
-    and where this process is killed."""
-    # A compiler that is ended leaves its own temporary files.
-    own = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(scratch))
-    order = ["sh", "-c", SUPERVISED, "sh", *command] if os.name == "posix" else command
-    none = subprocess.DEVNULL
-    with subprocess.Popen(
-        order, stdin=subprocess.PIPE, stdout=none, stderr=none, env=own, start_new_session=True
-    ) as process:
+@contextmanager
+def _compiling(
+    target: Path, functions: Functions, idle: bool = False
+) -> Iterator[Callable[..., bool | None]]:
+    """A compiler at work, which ends, with the programs that it starts, with the block, and where
+    this process is killed. Gives `Made`, which takes the time [s] that it waits."""
+    command, generator = c_compiler(), ca.CodeGenerator("throw")
+    for function in functions.values():
+        generator.add(function)
+    source = str(generator.dump())
+    if command is None or len(source) > LARGEST:
+        yield lambda *_: False
+        return
+    result = None
+    with scratch_folder(target.parent) as scratch:
+        code, library = scratch / "code.c", scratch / target.name
+        code.write_text(source, encoding="utf-8")
+        order = [command, *FLAGS, "-o", str(library), str(code), "-lm"]
+        if os.name == "posix":
+            order = [*(["sh", "-c", IDLE, "sh"] if idle else []), *order]
+            order = ["sh", "-c", SUPERVISED, "sh", *order]
+        # A compiler that is ended leaves its own temporary files.
+        own = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(scratch))
+        none = subprocess.DEVNULL
+        process = subprocess.Popen(
+            order, stdin=subprocess.PIPE, stdout=none, stderr=none, env=own, start_new_session=True
+        )
         assert process.stdin is not None
-        try:
-            end = time.monotonic() + PATIENCE
-            while process.poll() is None:
-                if time.monotonic() > end or _ENDING.wait(POLL):
-                    return False
-            return process.returncode == 0
-        finally:
-            process.stdin.close()
-            if os.name != "posix":
-                process.kill()
+
+        def made(wait: float | None = None) -> bool | None:
+            nonlocal result
+            if wait is not None:
+                process.wait(wait)
+            if result is None and process.poll() is not None:
+                result = False
+                with suppress(OSError):
+                    # What stands behind its end does not matter to a library.
+                    done = process.returncode == 0
+                    result = done and keep(target.parent, target.name, library.read_bytes())
+            return result
+
+        with process:
+            try:
+                yield made
+            finally:
+                process.stdin.close()
+                if os.name != "posix":
+                    process.kill()

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core import BatchC, GripC, LinkageC, ReleaseC, library, threads
+from ...core import Structure, array, library, out, threads
 from ..backend import Value, components
 from ..body import Array, HandMotion
 from ..trajectory import MovedHand, Throws, Trajectory
@@ -74,22 +74,25 @@ def compiled_batch(
     curves = np.zeros((4, pieces, rows, axes))
     curves[4 - powers :] = batch.hands.coefficients.transpose(0, 2, 3, 1)
     values = (*law_numbers(batch), batch.grasp_angle, batch.opening, batch.force)
-    given: dict[str, Array] = {
-        "shares": shares,
-        "grip": batch.grip.force(shares * batch.grip.opening) / batch.grip.full,
-        "numbers": np.array([np.broadcast_to(value, batch.count) for value in values], float),
-        "curves": curves,
-        "knots": batch.hands.breaks,
-        "delays": np.broadcast_to(batch.hands.delays, batch.count),
+    count, width, steps = batch.count, 1 if shares.ndim == 1 else batch.count, len(shares) // 2
+    force = batch.grip.force(shares * batch.grip.opening) / batch.grip.full
+    numbers = np.array([np.broadcast_to(value, count) for value in values], float)
+    given: dict[str, tuple[Array | None, tuple[int, ...]]] = {
+        "shares": (shares, (2 * steps + 1, width)),
+        "grip": (force, (2 * steps + 1, width)),
+        "numbers": (numbers, (11, count)),
+        "curves": (curves, (4, pieces, rows, 3)),
+        "knots": (batch.hands.breaks, (pieces + 1,)),
+        "delays": (np.broadcast_to(batch.hands.delays, count), (count,)),
+        "drift": (batch.hands.drift, (3, count)),
     }
-    if batch.hands.drift is not None:
-        given["drift"] = batch.hands.drift
-    width, steps = 1 if shares.ndim == 1 else batch.count, len(shares) // 2
-    sizes = {"count": batch.count, "steps": steps, "pieces": pieces, "rows": rows, "width": width}
-    found = BatchC(**sizes, gap=gap, paper=paper)
-    found.attach(**{name: np.ascontiguousarray(value, float) for name, value in given.items()})
-    detach, lost = np.empty((batch.count, 6)), np.empty(batch.count, bool)
-    found.attach(detach=detach, lost=lost)
+    sizes = {"count": count, "steps": steps, "pieces": pieces, "rows": rows, "width": width}
+    found = Structure("batch", **sizes, gap=gap, paper=paper)
+    for name, (part, shape) in given.items():
+        if part is not None:
+            found.attach(**{name: array(np.ascontiguousarray(part, float), *shape)})
+    detach, lost = np.empty((count, 6)), np.empty(count, bool)
+    found.attach(detach=out(detach, count, 6), lost=out(lost, count))
     getattr(library(), law)(found)
     return BatchRelease(detach, lost)
 
@@ -154,23 +157,30 @@ def pivot_steps(case: ReleaseCase, steps: int, *, paper: bool) -> tuple[Release,
     return found, states[: found.times.size]
 
 
-def _pivot_release(release: ReleaseC, steps: int, rows: Array, states: Array | None) -> Release:
+def _pivot_release(release: Structure, steps: int, rows: Array, states: Array | None) -> Release:
     onset, lost = np.empty(2), np.empty(1, np.int64)
-    count = library().pivot_release(release, steps, len(rows), rows, states, onset, lost)
+    arrays = (
+        out(rows, len(rows), 7),
+        None if states is None else out(states, len(rows), 6),
+        out(onset, 2),
+        out(lost, 1),
+    )
+    count = library().pivot_release(release, steps, len(rows), *arrays)
     return Release.from_nodes(rows[:count], onset.tolist(), bool(lost[0]))
 
 
 def surface_steps(case: ReleaseCase, steps: int) -> Release:
     """The release by even steps on the limit surface; no wrench, no onsets."""
     rows = np.empty((steps + 1, 7))
-    library().surface_steps(compiled_release(case), steps, rows)
+    library().surface_steps(compiled_release(case), steps, out(rows, steps + 1, 7))
     return Release.from_nodes(rows)
 
 
 def exact_surface_release(case: ReleaseCase) -> Release:
     """The release by the time-stepping limit surface; no wrench, no onsets (see `slip_onset`)."""
     rows = _nodes(case)
-    count = library().surface_release(compiled_release(case), len(rows), rows)
+    nodes = out(rows, len(rows), 7)
+    count = library().surface_release(compiled_release(case), len(rows), nodes)
     if not count:
         raise MemoryError
     return Release.from_nodes(rows[:count])
@@ -195,9 +205,10 @@ def exact_releases(
 
     def throw(throws: Throws) -> None:
         part = slice(int(throws[0]), int(throws[-1]) + 1)
-        rows = np.ascontiguousarray(numbers[part], float)
-        found = detach[part], TRACK, track[part], lost[part]
-        if library().many_releases(shared, int(surface), len(rows), rows, *found):
+        rows, n = np.ascontiguousarray(numbers[part], float), len(throws)
+        nodes = TRACK, out(track[part], n, TRACK, 4)
+        found = (out(detach[part], n, 6), *nodes, out(lost[part], n))
+        if library().many_releases(shared, int(surface), n, array(rows, n, 12), *found):
             raise MemoryError
 
     count = threads() if batch.count >= PARALLEL else 1
@@ -218,7 +229,8 @@ def relative_states(case: ReleaseCase, nodes: Array) -> Array:
     an initial guess.
     """
     times, states = np.ascontiguousarray(nodes, float), np.empty((nodes.size, 6))
-    library().pivot_track(compiled_release(case), nodes.size, times, states)
+    arrays = array(times, nodes.size), out(states, nodes.size, 6)
+    library().pivot_track(compiled_release(case), nodes.size, *arrays)
     return states
 
 
@@ -237,23 +249,23 @@ def _nodes(case: ReleaseCase, steps: int = 512) -> Array:
     return np.empty((steps + 256 + 2 * inside, 7))
 
 
-def compiled_release(case: ReleaseCase) -> ReleaseC:
+def compiled_release(case: ReleaseCase) -> Structure:
     """The case for the core."""
     path = _path(case)
-    arm, turning = LinkageC(n=3), 0.0
+    arm, turning = Structure("linkage", n=3), 0.0
     if isinstance(case.hand, MovedHand):
         arm, turning = case.hand.linkage, case.hand.turning
     motion, grip = path.core, _grip(case.grip)
     assert motion.n == arm.n
-    release = ReleaseC(angle=case.grasp_angle, delay=float(path.delays), turning=turning)
-    release.law[:] = law_numbers(case)
+    release = Structure("release", angle=case.grasp_angle, turning=turning, law=law_numbers(case))
+    release.delay = float(path.delays)
     release.attach(motion=motion, arm=arm, grip=grip)
     return release
 
 
-def _grip(profile: GripProfile) -> GripC:
+def _grip(profile: GripProfile) -> Structure:
     """A grip force for the core."""
     breaks, curves = profile.cubics
-    grip = GripC(opening=profile.opening, stretch=1.0, pieces=curves.shape[1])
-    grip.attach(breaks=breaks, curves=curves)
+    grip = Structure("grip", opening=profile.opening, stretch=1.0, pieces=curves.shape[1])
+    grip.breaks, grip.curves = array(breaks, grip.pieces + 1), array(curves, 4, grip.pieces)
     return grip

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core import library
+from ...core import array, library, out
 from ..backend import Value
 from ..body import Array, ReadOnly
 from .kinematics import PlanarArm
@@ -82,7 +82,8 @@ def segment_distance(begin: Array, end: Array, other: Array, last: Array) -> Arr
     """Distance (N,) [m] of segments, each (N, 3): `begin` to `end` from `other` to `last`."""
     pairs = np.ascontiguousarray(np.stack([begin, end, other, last], axis=1))
     distances = np.empty(len(begin))
-    library().segment_distances(len(distances), pairs, distances)
+    n = len(distances)
+    library().segment_distances(n, array(pairs, n, 4, 3), out(distances, n))
     return distances
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core import AXES, FRAMES, LinkageC
+from ...core import Structure, library
 from ..backend import Value, backend, components
 from ..body import Array, read_only
 from .arm import Arm, LinkInertia
@@ -66,8 +66,8 @@ class PlanarArm:
         self.throwing_joints = tuple(throwing_joints or arm.throwing_joints)
         self.coordinates = len(self.throwing_joints)
         for count, most, what in (
-            (self.coordinates, AXES, "throwing joints"),
-            (arm.joints, FRAMES - 1, "joints"),
+            (self.coordinates, library().AXES, "throwing joints"),
+            (arm.joints, library().FRAMES - 1, "joints"),
         ):
             if count > most:
                 raise ValueError(f"arm {arm.name}: has {count} {what}, at most {most} are allowed")
@@ -116,15 +116,14 @@ class PlanarArm:
         ]
 
     @functools.cached_property
-    def core(self) -> LinkageC:
+    def core(self) -> Structure:
         """The arm for the compiled core."""
         (x, z), frames = self.origin, len(self.frames)
-        linkage = LinkageC(n=self.coordinates, arm=1, frames=frames, x=x, z=z, theta=self.theta)
-        linkage.sign[: self.coordinates] = self.signs
-        for i, link in enumerate(self.links):
-            linkage.along[i], linkage.up[i] = link
-        for k, (number, place) in enumerate(self.frames):
-            linkage.link[k] = number
+        linkage = Structure("linkage", n=self.coordinates, arm=1, frames=frames, theta=self.theta)
+        linkage.attach(x=x, z=z, sign=self.signs)
+        linkage.along, linkage.up = zip(*self.links, strict=True)
+        linkage.link = [number for number, _ in self.frames]
+        for k, (_, place) in enumerate(self.frames):
             linkage.frame_along[k], linkage.frame_up[k] = place
         return linkage
 
@@ -200,7 +199,7 @@ class PlanarHand:
     def __init__(self, turns: bool, theta: float = 0.0) -> None:
         self.coordinates = 3 if turns else 2
         self.theta = theta
-        self.core = LinkageC(n=self.coordinates, theta=theta)
+        self.core = Structure("linkage", n=self.coordinates, theta=theta)
 
     def link_angles(self, q: Value) -> list[Value]:
         """The coordinates themselves."""

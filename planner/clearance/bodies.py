@@ -6,10 +6,11 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
-from ...core import ROWS, BodiesC, SolidC, library
+from ...core import Structure, array, library, out, rows, structures
 from ...models import Array, sticking_state
 from ...models.robot import ArmCapsules, Solid, segment_distance, shape_overlaps
 from ...problems import InputError, Scene, ThrownObject, ThrowPlane
@@ -40,11 +41,11 @@ class KeepOut:
         return f"obstacle {self.name}" if self.bar else self.name
 
     @cached_property
-    def core(self) -> SolidC:
+    def core(self) -> Structure:
         """The body for the compiled core."""
-        solid, found = self.solid, SolidC()
-        found.centre[:], found.half[:] = solid.centre.tolist(), solid.half.tolist()
-        found.axes[:] = solid.axes.ravel().tolist()
+        solid, found = self.solid, Structure("solid")
+        found.centre, found.half = solid.centre.tolist(), solid.half.tolist()
+        found.axes = solid.axes.ravel().tolist()
         found.radius, found.clearance, found.bar = solid.radius, self.clearance, self.bar
         return found
 
@@ -81,6 +82,12 @@ class SweptBodies:
     def core(self) -> tuple[int, int, bool]:
         """Number of instants, how many of the bodies are the object's, and whether it flies."""
         return self.times.size, self.names.count(BAR), self.flying
+
+    def arrays(self, around: Structure) -> tuple[Any, Any]:
+        """Times and ends for the core, which reads the links of `around` and the object's parts."""
+        n, bar, _ = self.core
+        ends, times = (np.ascontiguousarray(v, float) for v in (self.ends, self.times))
+        return array(times, n), array(ends, around.links + bar, 2, 3, n)
 
 
 @dataclass(frozen=True)
@@ -122,14 +129,14 @@ class CollisionScene:
         return found + (hand_pairs(self.scene, self.arm) if flying else [])
 
     @cached_property
-    def core(self) -> BodiesC:
+    def core(self) -> Structure:
         """Scene, arm and bar for the compiled core."""
         found = _shape(self.arm, self.scene.object, *_grip(self.scene)).copy()
         found.solids = len(self.things)
-        found.attach(around=(SolidC * found.solids)(*(thing.core for thing in self.things)))
+        found.around = structures("solid", [thing.core for thing in self.things])
         if self.arm is not None and self.azimuth:
             # Only the base's capsules depend on the azimuth.
-            found.attach(places=self.arm.places_at(self.azimuth))
+            found.places = array(self.arm.places_at(self.azimuth), found.links, 2, 3)
         return found
 
     def bodies_at(
@@ -162,9 +169,9 @@ class CollisionScene:
     def clearances(self, track: SweptBodies) -> list[Clearance]:
         """Pairs of bodies that are too near: one with an obstacle, two links, or bar and link."""
         bodies = self.core
-        found = np.empty((bodies.solids * len(track.names) + bodies.pairs, ROWS["contact"]))
-        ends, times = np.ascontiguousarray(track.ends), np.ascontiguousarray(track.times, float)
-        count = library().near_track(bodies, *track.core, times, ends, found)
+        found = rows("contact", bodies.solids * len(track.names) + bodies.pairs)
+        given, room = track.arrays(bodies), out(found, len(found), of="contact")
+        count = library().near_track(bodies, *track.core, *given, room)
         if count < 0:
             raise MemoryError
         return self.list_clearances(found[:count], track.names)
@@ -194,8 +201,8 @@ class CollisionScene:
         middle half outside.
         """
         room = np.empty(track.times.size)
-        ends, times = np.ascontiguousarray(track.ends), np.ascontiguousarray(track.times, float)
-        library().rooms(self.core, *track.core, times, ends, room)
+        given, found = track.arrays(self.core), out(room, track.times.size)
+        library().rooms(self.core, *track.core, *given, found)
         return room
 
     def obstacle_around(self, ends: Array, radius: float) -> KeepOut | None:
@@ -286,7 +293,7 @@ def _shape(
     offset: float,
     angle: float,
     clearance: float | None,
-) -> BodiesC:
+) -> Structure:
     """Arm, in the plane at azimuth 0, and bar for the compiled core."""
     links, parts = 0 if capsules is None else len(capsules.number), bar_radii(bar)
     moved_by, moves = np.zeros(links, np.int64), np.ones(links + len(parts), np.int64)
@@ -298,15 +305,21 @@ def _shape(
         pairs = _pairs_of(capsules, len(parts))
         always = len(pairs)
         pairs += _hand_pairs(capsules, bar, offset, angle, clearance)
-    found = BodiesC(links=links, bar=len(parts), pairs=len(pairs), always=always, landing=LANDING)
-    found.middle = MIDDLE
+    found = Structure("bodies", links=links, bar=len(parts), pairs=len(pairs), always=always)
+    found.landing, found.middle = LANDING, MIDDLE
     found.behind, found.length = bar.com, bar.length
     meet = np.array([pair[:2] for pair in pairs], np.int64).reshape(-1, 2)
     apart = np.array([pair[2] for pair in pairs])
-    body = {"moved_by": moved_by, "moves": moves, "meet": meet, "apart": apart, "places": places}
-    found.attach(**body, radius=radius)
+    found.attach(
+        moved_by=array(moved_by, links),
+        moves=array(moves, links + len(parts)),
+        places=array(places, links, 2, 3),
+        radius=array(radius, links + len(parts)),
+        meet=array(meet, len(pairs), 2),
+        apart=array(apart, len(pairs)),
+    )
     if bar.outline:
-        found.attach(outline=bar.capsules)
+        found.outline = array(bar.capsules, len(parts), 5)
     return found
 
 
@@ -319,10 +332,11 @@ def overlap(scene: Scene, manipulator: Manipulator, q: Array, com: Array | None 
     capsules = manipulator.capsules
     if capsules is None:
         return np.full(q.shape[1], -np.inf)
-    bodies = CollisionScene(scene, (), capsules).core
-    rows = np.ascontiguousarray(q.T), None if com is None else np.ascontiguousarray(com.T)
-    penetration, arm = np.empty(q.shape[1]), manipulator.kinematics.core
-    if library().overlaps(q.shape[1], arm, bodies, *rows, penetration):
+    bodies, n = CollisionScene(scene, (), capsules).core, q.shape[1]
+    penetration, arm = np.empty(n), manipulator.kinematics.core
+    rows = array(np.ascontiguousarray(q.T), n, arm.n)
+    bar = None if com is None else array(np.ascontiguousarray(com.T), n, 3)
+    if library().overlaps(n, arm, bodies, rows, bar, out(penetration, n)):
         raise MemoryError
     return penetration
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...core import SceneC, library
+from ...core import Structure, array, library, out
 from ...models import Array, sticking_state
 from ...models.robot import Tool, flange_velocity
 from ...problems import Scene, ThrownObject
@@ -60,8 +60,9 @@ def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Arr
     around = _scene(bar)
     around.palm_back, around.palm_front = tool.palm_back, tool.palm_front
     around.palm_half_width = tool.palm_half_width
-    found, poses = np.empty(com.shape[1]), (np.ascontiguousarray(rows) for rows in (com, hand))
-    library().palm_distances(around, found.size, *poses, found)
+    n = com.shape[1]
+    found, poses = np.empty(n), [array(np.ascontiguousarray(rows), 3, n) for rows in (com, hand)]
+    library().palm_distances(around, n, *poses, out(found, n))
     return found
 
 
@@ -71,17 +72,18 @@ def column_distance(bar: ThrownObject, com: Array, radius: float, height: float)
     The least of max(|x| - radius, z - height) on the outline. Infinite where the column is out of
     the bar's reach.
     """
-    around, found = _scene(bar), np.empty(com.shape[1])
+    around, n = _scene(bar), com.shape[1]
     around.column_radius, around.column_height = radius, height
-    library().column_distances(around, found.size, np.ascontiguousarray(com), found)
+    poses, found = array(np.ascontiguousarray(com), 3, n), np.empty(n)
+    library().column_distances(around, n, poses, out(found, n))
     return found
 
 
-def _scene(bar: ThrownObject) -> SceneC:
-    found = SceneC(behind=bar.com, length=bar.length, half_width=bar.width / 2)
+def _scene(bar: ThrownObject) -> Structure:
+    found = Structure("scene", behind=bar.com, length=bar.length, half_width=bar.width / 2)
     if bar.outline:
         found.parts = len(bar.outline)
-        found.attach(outline=bar.capsules)
+        found.outline = array(bar.capsules, found.parts, 5)
     return found
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...core import MoveC, library
+from ...core import Structure, array, library, out
 from ...models import Array, Flags, Indices, ReadOnly, Trajectory
 from .problem import variable_bounds
 from .request import BASE, Refinement, Request
@@ -49,14 +49,29 @@ class ReducedVariables:
         return int(self.core.size)
 
     @cached_property
-    def core(self) -> MoveC:
-        """Layout and bounds of u for the compiled core, without a sensitivity.
-
-        The bounds are widened by SLACK; those of the duration are exact.
-        """
-        manipulator, bounds = self.request.manipulator, variable_bounds(self.request)
+    def core(self) -> Structure:
+        """Layout and bounds of u for the compiled core, without a sensitivity."""
+        manipulator, (low, high) = self.request.manipulator, self._bounds
         carry, opening = self.request.scene.mesh.carry, np.diff(self.request.nodes)
-        n, stages, free = manipulator.size, carry + len(opening), manipulator.start is None
+        n, size = manipulator.size, low.size
+        core = Structure("move", n=n, carry=carry, size=size, unit=JERK_UNIT)
+        core.stages, core.before = carry + opening.size, self.request.nodes[0]
+        core.shortest, core.longest = variable_bounds(self.request)["T"]
+        rate, acceleration = manipulator.initial_motion
+        arrays = {"rate": (rate, n), "acceleration": (acceleration, n)}
+        arrays |= {"opening": (opening, opening.size), "low": (low, size), "high": (high, size)}
+        if manipulator.start is not None:
+            arrays["start"] = manipulator.start, n
+        for name, (values, length) in arrays.items():
+            core.attach(**{name: array(np.ascontiguousarray(values, float), length)})
+        return core
+
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array]:
+        """Bounds (size,) of u, widened by SLACK; those of the duration are exact."""
+        manipulator, bounds = self.request.manipulator, variable_bounds(self.request)
+        stages = self.request.scene.mesh.carry + len(self.request.nodes) - 1
+        free, n = manipulator.start is None, manipulator.size
         low, high = (
             np.hstack(
                 [
@@ -69,14 +84,7 @@ class ReducedVariables:
         )
         slack = SLACK * (high - low)
         slack[0] = ROUNDING
-        core = MoveC(n=n, carry=carry, stages=stages, size=low.size, unit=JERK_UNIT)
-        core.before, (core.shortest, core.longest) = self.request.nodes[0], bounds["T"]
-        rate, acceleration = manipulator.initial_motion
-        arrays = {"rate": rate, "acceleration": acceleration, "opening": opening}
-        arrays |= {"low": low - slack, "high": high + slack}
-        core.attach(start=None if free else np.ascontiguousarray(manipulator.start, float))
-        core.attach(**{name: np.ascontiguousarray(v, float) for name, v in arrays.items()})
-        return core
+        return low - slack, high + slack
 
     def fits(self, layout: Layout) -> bool:
         """Whether an NLP has these variables."""
@@ -95,7 +103,9 @@ class ReducedVariables:
         fall."""
         n, stages = self.core.n, self.core.stages
         times, cubics = np.empty(stages + 1), np.empty((4, n, stages, 1))
-        library().plan_motion(self.core, np.ascontiguousarray(u, float), times, cubics)
+        given = array(np.ascontiguousarray(u, float), self.size)
+        arrays = out(times, stages + 1), out(cubics, 4, n, stages)
+        library().plan_motion(self.core, given, *arrays)
         return Trajectory(times, cubics, times), self.opening_time(u)
 
     def opening_time(self, u: Array) -> float:
@@ -113,7 +123,7 @@ class ReducedVariables:
 
     def near_bounds(self, u: Array) -> Flags:
         """Whether each u (N, size) is inside the widened bounds."""
-        low, high = self.core.kept["low"], self.core.kept["high"]
+        low, high = self._bounds
         return np.asarray(((u >= low) & (u <= high)).all(axis=1))
 
 

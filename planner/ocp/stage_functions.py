@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -30,7 +29,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...core.compile import compiled, compiled_later, digest, source_of
+from ...core.compile import Made, compiled, compiled_later, digest, source_of
 from .stages import Instants, Stage
 
 Lifted = list[tuple[ca.SX, ca.SX]]
@@ -149,7 +148,7 @@ class StageFunctions:
         #: Digest of all that the functions depend on.
         self.key = digest(self._once.serialize(), groups_key, repr(self._places))
         self._spent = 0.0
-        self._later: Future[bool] | None = None
+        self._later: Made | None = None
 
     @cached_property
     def code(self) -> dict[str, ca.Function]:
@@ -176,7 +175,7 @@ class StageFunctions:
             return
         if self._later is None:
             self._later = compiled_later(self._code_key, self.code)
-        elif self._later.done() and self._later.result():
+        elif self._later():
             self.code = self._compiled(make=False)
 
     @property

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...core import MoveC, MovedC, SamplesC, library
+from ...core import Structure, array, library, out, sampled
 from ...models import Array, Trajectory
 from ...models.release import STEPPED_SURFACE, Release, compiled_release
 from ..library import Neighbour
@@ -77,24 +77,24 @@ class Corrector:
 
     def _moved(self, near: Neighbour, task: Task) -> tuple[PlannedThrow, Array] | None:
         """The throw that lands at the goal, by the model that counts, and its `u`; None without."""
-        move, found, optimum = self._fixed, self._buffers, near.optimum
+        move, (found, room), optimum = self._fixed, self._buffers, near.optimum
         manipulator, goal = self.problems.manipulator, near.nearest
-        move.errors, move.aim[:] = optimum.slope.shape[1], accuracy(task.scene)
-        move.off[:] = near.miss
-        begin = np.ascontiguousarray(optimum.u, float)
-        move.attach(u=begin, slope=np.ascontiguousarray(optimum.slope, float))
+        move.errors, move.aim = optimum.slope.shape[1], accuracy(task.scene)
+        move.off = near.miss
+        u, slope = (np.ascontiguousarray(v, float) for v in (optimum.u, optimum.slope))
+        move.u, move.slope = array(u, move.size), array(slope, move.size, move.errors)
         # The core's landings are the release model's, without the bias of [calibration].
         dx, dtheta = self.problems.scene.flight.bias or (0.0, 0.0)
         theta = 0.0 if goal.theta is None else goal.theta
-        move.goal[:] = goal.plane_x - dx, goal.z, theta - dtheta
+        move.goal = goal.plane_x - dx, goal.z, theta - dtheta
         if library().move_throw(move, found) <= 0:
             return None
-        breaks, cubics = found.kept["breaks"].copy(), found.kept["cubics"].copy()
-        nodes = found.kept["nodes_at"][: found.nodes]
+        breaks, cubics = room["breaks"].copy(), room["cubics"].copy()
+        nodes = room["nodes_at"][: found.nodes]
         planned, release = Trajectory(breaks, cubics, breaks), Release.from_nodes(nodes)
         if not move.surface:
             release = Release.from_nodes(nodes, list(found.onset), bool(found.lost))
-        samples, u = self._sent(found), found.kept["u"].copy()
+        samples, u = self._sent(), room["u"].copy()
         opens = self.controls.opening_time(u)
         thrown = Throw.sent(task.scene, manipulator, samples, opens).released(release)
         effort, size = effort_of(self.controls.request, planned), optimum.nlp_size
@@ -115,7 +115,7 @@ class Corrector:
         return replace(throw, deciding=thrown, optimum=near.optimum), near.optimum.u
 
     @cached_property
-    def _fixed(self) -> MoveC:
+    def _fixed(self) -> Structure:
         """The arguments that are equal for all moves."""
         scene, manipulator = self.problems.scene, self.problems.manipulator
         # Its motion and delay are those of each move.
@@ -128,33 +128,36 @@ class Corrector:
         return found
 
     @cached_property
-    def _buffers(self) -> MovedC:
-        """Room for the largest result."""
+    def _buffers(self) -> tuple[Structure, dict[str, Array]]:
+        """Room for the largest result, and its arrays."""
         controls, manipulator = self.controls, self.problems.manipulator
         longest = controls.durations[1] + float(np.ptp(controls.request.nodes))
         room = math.ceil((longest + manipulator.hard.longest_brake) / TICK) + 4
         n, stages, size = manipulator.size, self._fixed.stages, controls.size
-        samples, rows = np.zeros((3, room, n)), MAX_NODES + 4 * room
-        found = MovedC(room=room, stages=stages, size=size, release_room=rows)
-        found.attach(
-            sent=SamplesC.of(TICK, *samples),
-            u=np.zeros(size),
-            breaks=np.zeros(stages + 1),
-            cubics=np.zeros((4, n, stages, 1)),
-            times=np.zeros(room),
-            curves=np.zeros(6 * n * room),
-            kinks=np.zeros(4 * room),
-            nodes_at=np.zeros((rows, 7)),
-        )
-        found.samples = samples
-        return found
+        rows = MAX_NODES + 4 * room
+        shapes = {
+            "u": (size,),
+            "breaks": (stages + 1,),
+            "cubics": (4, n, stages, 1),
+            "times": (room,),
+            "curves": (6 * n * room,),
+            "kinks": (4 * room,),
+            "nodes_at": (rows, 7),
+        }
+        arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
+        found = Structure("moved", room=room, stages=stages, size=size, release_room=rows)
+        found.attach(**{name: out(arrays[name], *shape) for name, shape in shapes.items()})
+        arrays["samples"] = np.zeros((3, room, n))
+        found.sent = sampled(TICK, *arrays["samples"])
+        return found, arrays
 
-    def _sent(self, found: MovedC) -> Samples:
+    def _sent(self) -> Samples:
         """The samples that are sent."""
-        rows, n, kept = found.sent.rows, self.problems.manipulator.size, found.kept
-        samples = found.samples[:, :rows]
-        curves = kept["curves"][: 6 * n * (rows - 1)].reshape(6, n, rows - 1, 1)
-        arrays = samples, kept["times"][:rows], curves, kept["kinks"][: found.corners]
+        found, room = self._buffers
+        rows, n = found.sent.rows, self.problems.manipulator.size
+        samples = room["samples"][:, :rows]
+        curves = room["curves"][: 6 * n * (rows - 1)].reshape(6, n, rows - 1, 1)
+        arrays = samples, room["times"][:rows], curves, room["kinks"][: found.corners]
         return Samples.known(*(array.copy() for array in arrays))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core import TorquesC
+from ...core import Structure
 from ...models import Array, HandSamples, Trajectory, held_wrench, read_only
 from ...models.release import Release
 from ...models.robot import PlanarArm, PlanarDynamics
@@ -116,7 +116,7 @@ def _torques(scene: Scene, manipulator: Manipulator, motion: Iterable[Array], lo
     return np.array(torques)
 
 
-def core_torques(scene: Scene, manipulator: Manipulator) -> TorquesC | None:
+def core_torques(scene: Scene, manipulator: Manipulator) -> Structure | None:
     """The arm's masses and limits as the compiled core takes them; None without limits."""
     kinematics, limits = manipulator.kinematics, _limits(scene)
     if limits is None or not isinstance(kinematics, PlanarArm):
@@ -125,8 +125,8 @@ def core_torques(scene: Scene, manipulator: Manipulator) -> TorquesC | None:
 
 
 @lru_cache(maxsize=8)
-def _core_torques(kinematics: PlanarArm, limits: tuple[float, ...]) -> TorquesC:
-    found = TorquesC()
+def _core_torques(kinematics: PlanarArm, limits: tuple[float, ...]) -> Structure:
+    found = Structure("torques")
     for i, body in enumerate(_dynamics(kinematics).bodies):
         found.mass[i], found.inertia[i], found.limit[i] = body.mass, body.inertia, limits[i]
         found.along[i], found.up[i] = body.com

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core import LimitsC, library
+from ...core import Structure, array, library, out
 from ...models import Array, MovedHand, ReadOnly, Trajectory
 from ...models.robot import (
     Arm,
@@ -50,13 +50,13 @@ class Limits(ReadOnly):
     slowing: Array | None = None
 
     @cached_property
-    def core(self) -> LimitsC:
+    def core(self) -> Structure:
         """The limits as the compiled core takes them."""
-        n, found = len(self.dq), LimitsC(slows=self.slowing is not None)
+        found = Structure("limits", slows=self.slowing is not None)
         for name in ("q_min", "q_max", "dq", "ddq", "jerk"):
-            getattr(found, name)[:n] = getattr(self, name).tolist()
-        for row, values in enumerate(() if self.slowing is None else self.slowing):
-            found.slowing[row][:n] = values.tolist()
+            setattr(found, name, getattr(self, name).tolist())
+        if self.slowing is not None:
+            found.slowing = self.slowing.tolist()
         return found
 
     @cached_property
@@ -70,7 +70,8 @@ class Limits(ReadOnly):
             return -self.dq, self.dq
         low, high = np.empty(q.shape), np.empty(q.shape)
         rows, n = np.ascontiguousarray(q, float), q.shape[-1]
-        library().velocity_limits(self.core, n, q.size // n, rows, low, high)
+        found = (out(values, q.size) for values in (low, high))
+        library().velocity_limits(self.core, n, q.size // n, array(rows, q.size), *found)
         return low, high
 
 

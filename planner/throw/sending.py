@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...core import SamplesC, library
+from ...core import library, out, sampled
 from ...models import Array, Flags, ReadOnly, Trajectory
 from .manipulator import Limits, Manipulator
 
@@ -88,8 +88,9 @@ def _sent_as_planned(manipulator: Manipulator, planned: Trajectory) -> Samples |
     rows, n = math.ceil((planned.end + limits.longest_brake) / TICK) + 4, path.n
     found, curves, kinks = (np.empty(shape) for shape in ((3, rows, n), 6 * n * rows, 4 * rows))
     found[1:, 0] = manipulator.initial_motion
-    samples = SamplesC.of(TICK, *found)
-    corners = library().send_motion(path, limits.core, samples, curves, kinks)
+    samples = sampled(TICK, *found)
+    arrays = out(curves, 6, n, rows - 1), out(kinks, 4 * rows)
+    corners = library().send_motion(path, limits.core, samples, *arrays)
     if corners < 0:
         return None
     pieces = samples.rows - 1
@@ -106,10 +107,10 @@ def braked(limits: Limits, samples: Samples, ease: float = 1.0) -> Samples:
     given, rows = len(samples.q), (samples.q, samples.dq, samples.ddq)
     core = replace(limits, ddq=ease * limits.ddq).core
     # The first call has no room for the brake and returns the number of samples with it.
-    count = library().brake(core, given, SamplesC.of(TICK, *rows))
+    count = library().brake(core, given, sampled(TICK, *rows))
     found = np.empty((3, count, samples.q.shape[1]))
     found[:, :given] = rows
-    library().brake(core, given, SamplesC.of(TICK, *found))
+    library().brake(core, given, sampled(TICK, *found))
     return Samples(*found)
 
 
@@ -147,7 +148,8 @@ def _excess(limits: Limits, sent: Samples) -> Array:
     """Largest excess (5, n, 4) of samples and their differences over the limits, then its value,
     limit and time [s]; rows as in `KINDS`."""
     found = np.empty((len(KINDS), sent.q.shape[1], 4))
-    library().excess(SamplesC.of(TICK, sent.q, sent.dq, sent.ddq), limits.core, found)
+    rows = sampled(TICK, sent.q, sent.dq, sent.ddq)
+    library().excess(rows, limits.core, out(found, 5, rows.n, 4))
     return found
 
 
@@ -162,7 +164,7 @@ def _followed(manipulator: Manipulator, planned: Trajectory) -> Samples:
     # Where the planned motion keeps the limits for a tick, Ruckig arrives at the tick's end too,
     # as its shortest duration is a tick.
     kept = np.empty(math.ceil(planned.end / TICK - ROUNDING), bool)
-    library().kept_ticks(planned.core, limits.core, TICK, len(kept), kept)
+    library().kept_ticks(planned.core, limits.core, TICK, len(kept), out(kept, len(kept)))
     rows = planned.at(TICK * np.arange(len(kept) + 1))
     wanted = np.array([values.T for values in rows])
     sent = wanted.copy()

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...core import SceneC, library
+from ...core import Structure, array, library, out
 from ...models import Array, FlightLaw, FlightState, HandSamples, HandTrack, Trajectory
 from ...models.release import (
     SLIDING_PIVOT,
@@ -50,7 +50,7 @@ class LandingPoint:
     @classmethod
     def of(cls, release: Release, height: float, flight: FlightLaw) -> LandingPoint:
         """Flight of a release to `height` [m]."""
-        time = library().flight_time(release.end, height, flight.gravity)
+        time = library().flight_time(array(release.end, 6), height, flight.gravity)
         start = flight.calibrated(release.detach, time if time > 0.0 else math.inf)
         end = flight.after(start, time)
         z = height if math.isfinite(time) else math.nan
@@ -237,11 +237,12 @@ def column_of(scene: Scene) -> tuple[float, float] | None:
     return None if beside >= radius else (math.sqrt(radius**2 - beside**2), height)
 
 
-def core_scene(scene: Scene) -> SceneC:
+def core_scene(scene: Scene) -> Structure:
     """The scene's data for measures by the compiled core."""
     bar, cup, arm = scene.object, scene.cup, scene.arm
     column, room = column_of(scene), scene.palm_clearance
-    found = SceneC(
+    found = Structure(
+        "scene",
         gravity=scene.gravity,
         behind=bar.com,
         length=bar.length,
@@ -256,7 +257,7 @@ def core_scene(scene: Scene) -> SceneC:
     )
     if bar.outline:
         found.parts = len(bar.outline)
-        found.attach(outline=bar.capsules)
+        found.outline = array(bar.capsules, found.parts, 5)
     if column is not None:
         found.column_radius, found.column_height = column
     if arm is not None:
@@ -281,9 +282,10 @@ def cup_entries(scene: Scene, detach: Array, flight: Array) -> Array:
     the least distance between outline and wall or rim, negative outside. The bar's thickness
     equals its width, so the walls of a round cup are nearer than `radius` off the middle.
     """
-    found = np.empty(len(detach))
-    states, times = np.ascontiguousarray(detach), np.ascontiguousarray(flight, float)
-    library().cup_entries(core_scene(scene), len(detach), states, times, found)
+    n, found = len(detach), np.empty(len(detach))
+    states = array(np.ascontiguousarray(detach), n, 6)
+    times = array(np.ascontiguousarray(flight, float), n)
+    library().cup_entries(core_scene(scene), n, states, times, out(found, n))
     return found
 
 

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core import ROWS, ThrowsC, columns_of, library
+from ...core import Structure, array, columns_of, library, out, rows
 from ...models import Array, Indices, ReadOnly
 from ..clearance import Clearance, CollisionScene
 from ..throw import TICK, BatchFlights, Throw, core_scene, core_torques, flight_of
 
 #: Longest interval [s] between instants at which the grip is looked at before the opening.
 GRIP_STEP = 0.002
-_COLUMNS = columns_of("measured")
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +39,16 @@ class Measures(ReadOnly):
         rate [N m/s], of the joints' torques by the motion's commands;
         palm_time [s], when after detach the object first is too near to the palm; cup, the least
         clearance [m] in it. Infinite where nothing is near."""
-        return self.rows[:, _COLUMNS[name]][:, 0]
+        return self.rows[:, columns_of("measured")[name]][:, 0]
 
     def time(self, name: str) -> Array:
         """When (N,) [s] on the motion's clock."""
-        return self.rows[:, _COLUMNS[name]][:, 1]
+        return self.rows[:, columns_of("measured")[name]][:, 1]
 
     @property
     def torque(self) -> tuple[Array, Array]:
         """Largest shares (N, 8) of each joint's torque limit, and when [s]."""
-        rows = self.rows[:, _COLUMNS["torque"]]
+        rows = self.rows[:, columns_of("measured")["torque"]]
         return rows[:, ::2], rows[:, 1::2]
 
     def clearances(self, throw: int = 0) -> list[Clearance]:
@@ -64,7 +63,7 @@ def measures_of(throw: Throw, flights: BatchFlights | None = None) -> Measures:
     if flights is None:
         flights = flight_of(throw)
     scene, manipulator, count = throw.scene, throw.manipulator, len(flights.late)
-    shared, around, room = ThrowsC(tick=TICK, step=GRIP_STEP), None, 0
+    shared, around, room = Structure("throws", tick=TICK, step=GRIP_STEP), None, 0
     if scene.obstacle or manipulator.capsules is not None:
         around = CollisionScene.of(scene, manipulator)
         bodies = around.core
@@ -79,12 +78,22 @@ def measures_of(throw: Throw, flights: BatchFlights | None = None) -> Measures:
     track = flights.release.track
     nodes = np.empty((count, 0, 4)) if track is None else track.copy()
     nodes[..., 0] += flights.opened[:, None]
-    rows, near = np.empty((count, ROWS["measured"])), np.empty((count, room, ROWS["contact"]))
+    found, near = rows("measured", count), rows("contact", count, room)
     nears = np.zeros(count, np.int64)
-    given = np.ascontiguousarray(_thrown(throw, flights)), nodes.shape[1], nodes
-    if library().measure_throws(shared, count, *given, rows, room, near, nears):
+    failed = library().measure_throws(
+        shared,
+        count,
+        array(np.ascontiguousarray(_thrown(throw, flights)), count, of="thrown"),
+        nodes.shape[1],
+        array(nodes, *nodes.shape),
+        out(found, count, of="measured"),
+        room,
+        out(near, count, room, of="contact"),
+        out(nears, count),
+    )
+    if failed:
         raise MemoryError
-    return Measures(rows, near, nears, around)
+    return Measures(found, near, nears, around)
 
 
 def _thrown(throw: Throw, flights: BatchFlights) -> Array:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
-import hashlib
+import gc
+import os
+import pickle
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -71,62 +73,89 @@ def test_machine_code_that_others_could_have_written_is_not_loaded(
 # The compiled core and what Python takes it for.
 
 
-def test_the_core_that_is_loaded_is_of_this_checkout() -> None:
+def test_a_core_of_other_sources_is_refused(tmp_path) -> None:
     """A stale library would be tested instead of the sources: `make .venv/test` builds it anew."""
-    files = sorted((ROOT / "core").glob("*.[ch]"))
-    text = b"".join(f.read_bytes() for f in files)
-    library = ctypes.CDLL(str(Path(core.__file__).with_name(f"_core{core.SUFFIX}")))
-    library.core_sources.restype = ctypes.c_char_p
-    assert library.core_sources().decode() == hashlib.sha256(text).hexdigest()
+    assert core.library()
+    package = tmp_path / "throwplan"
+    shutil.copytree(ROOT / "core", package / "core")
+    (package / "__init__.py").touch()
+    code = "from throwplan.core import library; library()"
+    command = [sys.executable, "-c", code]
+    for change, why in (
+        (lambda: (package / "core" / "new.h").write_text("\n"), "was built from other sources"),
+        ((package / "core" / f"_core{core.SUFFIX}").unlink, "is missing"),
+        ((package / "core" / "_binding.py").unlink, "has no binding"),
+    ):
+        change()
+        done = subprocess.run(
+            command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(tmp_path)}, check=False,
+            capture_output=True, text=True,
+        )  # fmt: skip
+        assert why in done.stderr.splitlines()[-1] and "make core" in done.stderr
 
 
 @pytest.mark.parametrize(
     "rows", [np.zeros((36, 2))[:, 0], np.zeros(36, np.float32), np.zeros(36, np.int64), [0.0] * 36]
 )
 def test_the_core_takes_contiguous_doubles_only(rows: object) -> None:
-    library = core.library()
-    with pytest.raises((TypeError, ctypes.ArgumentError)):
-        library.quintics(core.SamplesC.of(1e-3, *np.zeros((3, 4, 2))), rows, np.zeros(16))
+    library, samples = core.library(), core.sampled(1e-3, *np.zeros((3, 4, 2)))
+    with pytest.raises((TypeError, ValueError)):
+        library.quintics(samples, core.out(rows, 36), core.out(np.zeros(16), 16))
+    with pytest.raises(TypeError):
+        library.quintics(samples, rows, core.out(np.zeros(16), 16))
 
 
-@pytest.mark.parametrize(
-    ("curves", "kinks"), [(np.zeros(2), np.zeros(16)), (np.zeros(36), np.zeros(1))]
-)
-def test_the_core_writes_past_no_array(curves: np.ndarray, kinks: np.ndarray) -> None:
-    samples = core.SamplesC.of(1e-3, *np.zeros((3, 4, 2)))
-    assert core.library().quintics(samples, np.zeros(36), np.zeros(16)) == 0
-    with pytest.raises(ValueError, match="the core takes at least"):
-        core.library().quintics(samples, curves, kinks)
-
-
-def test_the_core_reads_past_no_array() -> None:
-    """Of what it is given, of what structures point to, and of rows within samples."""
-    library, samples = core.library(), core.SamplesC.of(1e-3, *np.zeros((3, 4, 2)))
-    for start in (np.zeros(5), np.zeros(7)):
-        with pytest.raises(ValueError, match="start: the core takes 6 elements"):
-            library.flight_time(start, 0.0, 9.81)
-    with pytest.raises(ValueError, match=r"requires 0 < given and given <= s\.rows"):
-        library.brake(core.LimitsC(), 5, samples)
+def test_the_core_reads_and_writes_past_no_array() -> None:
+    for size in (5, 7):
+        with pytest.raises(ValueError, match="the core takes"):
+            core.array(np.zeros(size), 2, 3)
+    with pytest.raises(ValueError, match="the core takes"):
+        core.out(np.zeros(5), 2, 3)
+    assert len(core.out(np.zeros(7), 2, 3)) >= 6
     with pytest.raises(ValueError, match="at most 8 coordinates"):
-        core.SamplesC.of(1e-3, np.zeros((4, 9)))
-    path = core.PathC(n=2, powers=4, pieces=3)
-    for name, wrong in {"breaks": np.zeros(3), "curves": np.zeros((4, 2, 2))}.items():
-        with pytest.raises(ValueError, match=f"{name}: the core takes"):
-            path.attach(**{name: wrong})
-    with pytest.raises(TypeError, match="motion: the core takes PathC"):
-        core.ThrowsC().attach(motion=core.SceneC())
-    with pytest.raises(TypeError, match="around: the core takes SolidC_Array_2"):
-        core.BodiesC(solids=2).attach(around=(core.SolidC * 3)())
+        core.sampled(1e-3, np.zeros((4, 9)))
+    constant = np.zeros(3)
+    constant.flags.writeable = False
+    with pytest.raises((ValueError, BufferError)):
+        core.out(constant, 3)
 
 
-def test_arrays_live_as_long_as_the_structures_that_point_to_them() -> None:
-    """Also those of a copy, whose pointers are set anew without changing the first."""
-    path = core.PathC(n=1, powers=1, pieces=1)
-    path.attach(breaks=np.array([0.0, 1.0]), curves=np.ones((1, 1, 1)), kinks=np.zeros(0))
-    copy = path.copy()
-    copy.attach(breaks=np.array([0.0, 2.0]))
-    assert copy.kept["breaks"][1] == 2.0 and path.kept["breaks"][1] == 1.0
-    assert copy.curves == path.curves and copy.kept["curves"] is path.kept["curves"]
+def test_the_core_takes_pointers_to_the_right_structures_only() -> None:
+    scene = core.Structure("scene")
+    with pytest.raises(TypeError):
+        core.Structure("throw", motion=scene)
+    with pytest.raises(TypeError):
+        core.Structure("path", breaks=core.array(np.zeros(3, np.int64), 3))
+    with pytest.raises(TypeError):
+        core.library().measure(scene, core.Structure("measured"))
+
+
+def test_what_structures_point_to_lives_as_long_as_they() -> None:
+    """Also what a copy points to, which may be changed without the first."""
+
+    def path() -> core.Structure:
+        found = core.Structure("path", n=1, powers=1, pieces=1)
+        found.attach(breaks=core.array(np.array([0.0, 1.0]), 2))
+        return found
+
+    throw = core.Structure("throw", motion=path())
+    copy = throw.motion[0].breaks
+    first = path()
+    other = first.copy()
+    other.breaks = core.array(np.array([0.0, 2.0]), 2)
+    gc.collect()
+    assert (copy[1], first.breaks[1], other.breaks[1]) == (1.0, 1.0, 2.0)
+    # Part of a structure keeps all of it.
+    sent = core.Structure("moved", sent=core.sampled(1e-3, np.ones((4, 2)))).sent
+    gc.collect()
+    assert (sent.rows, sent.n, sent.q[7]) == (4, 2, 1.0)
+
+
+def test_structures_without_pointers_go_to_other_processes() -> None:
+    limits = pickle.loads(pickle.dumps(core.Structure("limits", slows=1, dq=[1.0, 2.0])))
+    assert limits.slows == 1 and list(limits.dq)[:3] == [1.0, 2.0, 0.0]
+    with pytest.raises(TypeError):
+        pickle.dumps(core.sampled(1e-3, np.zeros((4, 2))))
 
 
 @pytest.mark.slow
