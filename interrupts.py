@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import secrets
+import shutil
 import signal
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from types import FrameType
 
 #: Exit status of a command that was interrupted.
@@ -38,3 +41,21 @@ def interrupts_deferred() -> Iterator[None]:
             signal.signal(kind, handler)
         for number in received[:1]:
             signal.raise_signal(number)
+
+
+@contextlib.contextmanager
+def scratch_folder(parent: Path) -> Iterator[Path]:
+    """A new folder in `parent` that is deleted after the block, also where a signal interrupts.
+
+    `tempfile.TemporaryDirectory` leaves its folder if a signal meets it while it deletes.
+    """
+    scratch = parent / f"tmp-{secrets.token_hex(6)}"
+    try:
+        try:
+            scratch.mkdir(0o700)
+            yield scratch
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+    finally:
+        # Again, for the case that the first call was interrupted.
+        shutil.rmtree(scratch, ignore_errors=True)

@@ -11,7 +11,7 @@ import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Iterable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -79,30 +79,27 @@ def _hash_of_sources() -> str:
     return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest() if files else ""
 
 
-def array(values: npt.NDArray[Any], *shape: int, of: str = "") -> Any:
+def array(values: npt.NDArray[Any], *shape: int, of: str = "", written: bool = False) -> Any:
     """A pointer to an array of this shape, which C reads; it lives as long as the pointer.
 
-    of: the structure in C that each row of doubles is, if it is one. TypeError or ValueError for an
-    array of another type or size, or that is not contiguous.
+    of: the structure in C that each row of doubles is, if it is one; written: C writes it, and it
+    may be longer. TypeError or ValueError for an array of another type or size, or that is not
+    contiguous.
     """
-    return _pointer(values, shape, of, written=False)
-
-
-def out(values: npt.NDArray[Any], *shape: int, of: str = "") -> Any:
-    """A pointer to an array of at least this shape, in which C writes: see `array`."""
-    return _pointer(values, shape, of, written=True)
-
-
-def _pointer(values: npt.NDArray[Any], shape: tuple[int, ...], of: str, written: bool) -> Any:
-    kind = _KINDS.get(values.dtype) if isinstance(values, np.ndarray) else None
-    if kind is None:
-        found = values.dtype if isinstance(values, np.ndarray) else type(values).__name__
-        raise TypeError(f"the core takes arrays of double, int64 or bool, not {found}")
-    pointer = library().ffi.from_buffer(f"{of}[]" if of else kind, values, written)
+    try:
+        kind = _KINDS[values.dtype]
+    except (AttributeError, KeyError):
+        found = getattr(values, "dtype", type(values).__name__)
+        raise TypeError(f"the core takes arrays of double, int64 or bool, not {found}") from None
+    pointer = library().ffi.from_buffer(of + "[]" if of else kind, values, written)
     size, given = math.prod(shape), len(pointer)
     if given < size or (given > size and not written):
         raise ValueError(f"the core takes {size} elements, {shape}, not {given}")
     return pointer
+
+
+#: A pointer to an array of at least this shape, in which C writes.
+out = partial(array, written=True)
 
 
 @cache
@@ -131,15 +128,21 @@ class Structure:
     kept: dict[str, Any]
 
     def __init__(self, kind: str, **fields: Any) -> None:
-        object.__setattr__(self, "c", library().ffi.new(f"{kind} *"))
-        object.__setattr__(self, "kept", {})
-        self.attach(**fields)
+        ffi = library().ffi
+        # By one call of cffi, as each takes its time.
+        given = {
+            n: p.c if isinstance(p, Structure) else p for n, p in fields.items() if p is not None
+        }
+        object.__setattr__(self, "c", ffi.new(kind + " *", given))
+        kept = {n: fields[n] for n, p in given.items() if isinstance(p, ffi.CData)}
+        object.__setattr__(self, "kept", kept)
 
     def __getattr__(self, name: str) -> Any:
         """A number, or what is in C: valid as long as this structure lives."""
         return getattr(self.c, name)
 
     def __setattr__(self, name: str, part: Any) -> None:
+        """Also a structure inside this one, as a copy."""
         ffi, value = library().ffi, part
         if isinstance(part, Structure):
             inside = ffi.typeof(getattr(self.c, name)).kind == "struct"
@@ -155,21 +158,17 @@ class Structure:
 
     def copy(self) -> Structure:
         """Another that points to the same parts."""
-        found = _copied(*self._state)
-        found.kept.update(self.kept)
+        ffi, found = library().ffi, object.__new__(Structure)
+        object.__setattr__(found, "c", ffi.new(ffi.typeof(self.c), self.c[0]))
+        object.__setattr__(found, "kept", dict(self.kept))
         return found
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For another process, which has none of its pointers."""
         if self.kept:
             raise TypeError("a structure with pointers belongs to its process")
-        return _copied, self._state
-
-    @property
-    def _state(self) -> tuple[str, bytes]:
-        """Name and bytes."""
         ffi = library().ffi
-        return ffi.typeof(self.c).item.cname, bytes(ffi.buffer(self.c))
+        return _copied, (ffi.typeof(self.c).item.cname, bytes(ffi.buffer(self.c)))
 
 
 def _copied(kind: str, data: bytes) -> Structure:
@@ -191,9 +190,11 @@ def sampled(tick: float, *rows: npt.NDArray[np.float64]) -> Structure:
     (count, n), most = rows[0].shape, library().AXES
     if n > most:
         raise ValueError(f"the core takes at most {most} coordinates, not {n}")
-    arrays = (np.ascontiguousarray(r) if r.flags.writeable else r.copy() for r in rows)
-    parts = {name: out(r, count, n) for name, r in zip(("q", "dq", "ddq"), arrays, strict=False)}
-    return Structure("samples", rows=count, n=n, tick=tick, **parts)
+    fields = {"rows": count, "n": n, "tick": tick}
+    for name, part in zip(("q", "dq", "ddq"), rows, strict=False):
+        given = np.ascontiguousarray(part) if part.flags.writeable else part.copy()
+        fields[name] = out(given, count, n)
+    return Structure("samples", **fields)
 
 
 def threads() -> int:

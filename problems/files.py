@@ -19,8 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.compile import scratch_folder
-from ..interrupts import interrupts_deferred
+from ..interrupts import interrupts_deferred, scratch_folder
 from ..models import Array
 from .checks import LARGEST, InputError, within
 

@@ -139,6 +139,12 @@ class CollisionScene:
             found.places = array(self.arm.places_at(self.azimuth), found.links, 2, 3)
         return found
 
+    @property
+    def most_contacts(self) -> int:
+        """How many pairs of bodies may be too near at once."""
+        c = self.core.c
+        return int(c.solids * (c.links + c.bar) + c.pairs)
+
     def bodies_at(
         self, times: Array, q: Array, com: Array | None = None, *, flying: bool = False
     ) -> SweptBodies:
@@ -168,10 +174,9 @@ class CollisionScene:
 
     def clearances(self, track: SweptBodies) -> list[Clearance]:
         """Pairs of bodies that are too near: one with an obstacle, two links, or bar and link."""
-        bodies = self.core
-        found = rows("contact", bodies.solids * len(track.names) + bodies.pairs)
-        given, room = track.arrays(bodies), out(found, len(found), of="contact")
-        count = library().near_track(bodies, *track.core, *given, room)
+        found = rows("contact", self.most_contacts)
+        given, room = track.arrays(self.core), out(found, len(found), of="contact")
+        count = library().near_track(self.core, *track.core, *given, room)
         if count < 0:
             raise MemoryError
         return self.list_clearances(found[:count], track.names)

@@ -14,7 +14,6 @@ import contextlib
 import dataclasses
 import io
 import math
-import os
 import zlib
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...core.compile import DAMAGED, cache_folder, digest, publish
+from ...cache import cache_folder, digest, only_ours, publish
 from ...models import Array
 from ...problems import Pose, Scene
 from ..ocp import Optimum, ReducedVariables, Refinement, Request
@@ -213,7 +212,7 @@ def digest_of(scene: Scene, apart: Collection[str], *parts: str) -> str:
 def read_files(folder: Path, kind: np.dtype[Any]) -> Iterator[tuple[str, Records]]:
     """Names and records of the folder's files that are whole, of this user and of this kind."""
     try:
-        if not _is_own(folder):
+        if not only_ours(folder):
             return
         paths = sorted(folder.glob("*.npy"))
     except OSError:
@@ -221,12 +220,12 @@ def read_files(folder: Path, kind: np.dtype[Any]) -> Iterator[tuple[str, Records
     for path in paths:
         try:
             # NumPy reads a file only once its bytes are known to be those that were written.
-            if not (_is_own(path) and path.is_file()):
+            if not only_ours(path):
                 continue
             if _name_of(np.memmap(path, mode="r").data) != path.name:
                 continue
             records = np.load(path, mmap_mode="r", allow_pickle=False)
-        except DAMAGED:
+        except (OSError, ValueError):
             continue
         if records.dtype == kind and records.ndim == 1 and records.size:
             yield path.name, records
@@ -236,18 +235,13 @@ def write_file(folder: Path | None, records: Records) -> tuple[str, bool]:
     """The name of the records' file, and whether it was written; a full disk costs the file."""
     data = io.BytesIO()
     np.save(data, records)
-    name, written = _name_of(data.getvalue()), None
+    name, written = _name_of(data.getvalue()), False
     if folder is not None:
         with contextlib.suppress(OSError):
             folder.mkdir(mode=0o700, exist_ok=True)
-            written = publish(folder, name, lambda path: path.write_bytes(data.getvalue()))
-    return name, written is not None
+            written = publish(folder, name, data.getvalue())
+    return name, written
 
 
 def _name_of(data: bytes | memoryview) -> str:
     return f"{zlib.crc32(data):08x}-{len(data):x}.npy"
-
-
-def _is_own(path: Path) -> bool:
-    """Whether a file or folder is this user's."""
-    return not hasattr(os, "getuid") or path.stat().st_uid == os.getuid()

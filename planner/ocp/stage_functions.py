@@ -24,12 +24,14 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ...core.compile import Made, compiled, compiled_later, digest, source_of
+from ...cache import digest
+from .machine_code import Made, compiled, compiled_later
 from .stages import Instants, Stage
 
 Lifted = list[tuple[ca.SX, ca.SX]]
@@ -185,7 +187,7 @@ class StageFunctions:
 
     @cached_property
     def _code_key(self) -> str:
-        return digest(self.key, source_of(differentiate))
+        return digest(self.key, Path(__file__).read_bytes())
 
     def _compiled(self, make: bool) -> dict[str, ca.Function]:
         return compiled(self._code_key, NAMES, lambda: self._interpreted, make=make)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.compile import cache_folder, keep, kept
+from ...cache import cache_folder, keep, kept
 from ...models import Array, Flags, HandSamples, Indices, Trajectory
 from ...models.release import MODELS, SLIDING_PIVOT, ReleaseBatch
 from ...problems import Scene

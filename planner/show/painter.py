@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.compile import scratch_folder
+from ...interrupts import scratch_folder
 from ...models import Array
 from ...problems import InputError
 from .style import PHASES

@@ -241,37 +241,34 @@ def core_scene(scene: Scene) -> Structure:
     """The scene's data for measures by the compiled core."""
     bar, cup, arm = scene.object, scene.cup, scene.arm
     column, room = column_of(scene), scene.palm_clearance
-    found = Structure(
-        "scene",
-        gravity=scene.gravity,
-        behind=bar.com,
-        length=bar.length,
-        half_width=bar.width / 2,
-        cup_speed=0.0 if scene.target is None else scene.target.speed,
+    found = {
+        "gravity": scene.gravity,
+        "behind": bar.com,
+        "length": bar.length,
+        "half_width": bar.width / 2,
+        "cup_speed": 0.0 if scene.target is None else scene.target.speed,
         # A negative value marks an absent part of the scene.
-        column_radius=-1.0,
-        palm_half_width=-1.0,
-        palm_clearance=-1.0,
-        tool_length=-1.0,
-        cup_radius=-1.0,
-    )
+        "column_radius": -1.0,
+        "palm_half_width": -1.0,
+        "palm_clearance": -1.0 if arm is None or room is None else room,
+        "tool_length": -1.0,
+        "cup_radius": -1.0,
+    }
     if bar.outline:
-        found.parts = len(bar.outline)
-        found.outline = array(bar.capsules, found.parts, 5)
+        parts = len(bar.outline)
+        found |= {"parts": parts, "outline": array(bar.capsules, parts, 5)}
     if column is not None:
-        found.column_radius, found.column_height = column
+        found["column_radius"], found["column_height"] = column
     if arm is not None:
         tool = arm.tool
-        found.palm_back, found.palm_front = tool.palm_back, tool.palm_front
-        found.palm_half_width = tool.palm_half_width
-        if room is not None:
-            found.palm_clearance = room
+        found["palm_back"], found["palm_front"] = tool.palm_back, tool.palm_front
+        found["palm_half_width"] = tool.palm_half_width
         if scene.tool_speed is not None:
-            found.tool_length = tool.tcp
+            found["tool_length"] = tool.tcp
     if cup is not None:
-        found.cup_x, found.cup_rim, found.cup_insertion = cup.x, cup.rim, cup.insertion
-        found.cup_radius = cup.radius_for(bar)
-    return found
+        found |= {"cup_x": cup.x, "cup_rim": cup.rim, "cup_insertion": cup.insertion}
+        found["cup_radius"] = cup.radius_for(bar)
+    return Structure("scene", **found)
 
 
 def cup_entries(scene: Scene, detach: Array, flight: Array) -> Array:

@@ -6,6 +6,7 @@ What depends on the motion alone is measured once.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -62,19 +63,7 @@ def measures_of(throw: Throw, flights: BatchFlights | None = None) -> Measures:
     """Measures of a throw, or of flights (N,) of its motion."""
     if flights is None:
         flights = flight_of(throw)
-    scene, manipulator, count = throw.scene, throw.manipulator, len(flights.late)
-    shared, around, room = Structure("throws", tick=TICK, step=GRIP_STEP), None, 0
-    if scene.obstacle or manipulator.capsules is not None:
-        around = CollisionScene.of(scene, manipulator)
-        bodies = around.core
-        room = 3 * (bodies.solids * (bodies.links + bodies.bar) + bodies.pairs)
-    shared.attach(
-        motion=throw.path.core,
-        arm=manipulator.kinematics.core,
-        around=core_scene(scene),
-        torques=core_torques(scene, manipulator),
-        bodies=None if around is None else around.core,
-    )
+    (shared, around, room), count = _motion(throw), len(flights.late)
     track = flights.release.track
     nodes = np.empty((count, 0, 4)) if track is None else track.copy()
     nodes[..., 0] += flights.opened[:, None]
@@ -94,6 +83,28 @@ def measures_of(throw: Throw, flights: BatchFlights | None = None) -> Measures:
     if failed:
         raise MemoryError
     return Measures(found, near, nears, around)
+
+
+@lru_cache(maxsize=1)
+def _motion(throw: Throw) -> tuple[Structure, CollisionScene | None, int]:
+    """The motion for the core; the bodies that may meet; the most meetings."""
+    scene, manipulator = throw.scene, throw.manipulator
+    around, bodies, room = None, None, 0
+    if scene.obstacle or manipulator.capsules is not None:
+        around = CollisionScene.of(scene, manipulator)
+        bodies = around.core
+        room = 3 * around.most_contacts
+    shared = Structure(
+        "throws",
+        motion=throw.path.core,
+        arm=manipulator.kinematics.core,
+        around=core_scene(scene),
+        torques=core_torques(scene, manipulator),
+        bodies=bodies,
+        tick=TICK,
+        step=GRIP_STEP,
+    )
+    return shared, around, room
 
 
 def _thrown(throw: Throw, flights: BatchFlights) -> Array:

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from throwplan import core
-from throwplan.core.compile import c_compiler, compiled
+from throwplan.planner.ocp.machine_code import c_compiler, compiled
 
 NAMES = ("f", "g")
 ROOT = Path(__file__).parents[2]
@@ -141,7 +141,8 @@ def test_what_structures_point_to_lives_as_long_as_they() -> None:
     other.breaks = core.array(np.array([0.0, 2.0]), 2)
     gc.collect()
     assert (throws.motion.breaks[1], first.breaks[1], other.breaks[1]) == (1.0, 1.0, 2.0)
-    moved = core.Structure("moved", sent=core.sampled(1e-3, np.ones((4, 2))))
+    moved = core.Structure("moved")
+    moved.sent = core.sampled(1e-3, np.ones((4, 2)))
     gc.collect()
     assert (moved.sent.rows, moved.sent.n, moved.sent.q[7]) == (4, 2, 1.0)
 

@@ -1,4 +1,7 @@
-"""CasADi functions as machine code, by the C compiler at hand."""
+"""CasADi functions as machine code, by the C compiler at hand.
+
+Compiler and cache may be missing: functions then run slower and give the same answers.
+"""
 
 from __future__ import annotations
 
@@ -14,25 +17,24 @@ from pathlib import Path
 
 import casadi as ca
 
-from .cache import cache_folder, digest, keep, kept, only_ours, scratch_folder
+from ...cache import cache_folder, digest, keep, kept, only_ours
+from ...interrupts import scratch_folder
 
 #: More optimisation compiles twice as long and runs no faster.
 #: No fused multiply-add, which would round otherwise than CasADi's own evaluation.
 FLAGS = ("-O1", "-ffp-contract=off", "-fPIC", "-shared")
-#: Runs a command until it ends, or kills its process group when standard input closes.
+#: Runs a command until it ends; when standard input closes, kills its process group and deletes its
+#: temporary files. `idle`: at the least priority; on Linux a session's share of a busy core is that
+#: of its group.
 SUPERVISED = """
+[ "$0" = idle ] && { echo 19 >/proc/self/autogroup; renice -n 19 $$; }
 exec 3<&0
 "$@" </dev/null 3<&- & command=$!
-{ read -r _ <&3; kill -9 0; } & watch=$!
+{ read -r _ <&3; rm -rf "$TMPDIR"; kill -9 0; } & watch=$!
 wait $command; status=$?
 kill $watch
 exit $status
 """
-#: Runs a command at the least priority. On Linux a session's share of a busy core is that of its
-#: group.
-IDLE = 'echo 19 2>/dev/null >/proc/self/autogroup; exec nice -n 19 "$@"'
-#: Longest time [s] that a compilation may take; one beside other work may go on.
-PATIENCE = 900.0
 #: Code longer than this (bytes), that of scenarios, takes minutes and gigabytes to compile.
 LARGEST = 8_000_000
 
@@ -86,9 +88,11 @@ def compiled_later(key: str, functions: Functions) -> Made | None:
         made = stack.enter_context(_compiling(target, functions, idle=True))
     except OSError:
         return lambda: False
+    result = None
 
     def done() -> bool | None:
-        if (result := made()) is not None:
+        nonlocal result
+        if result is None and (result := made()) is not None:
             stack.close()
         return result
 
@@ -110,8 +114,8 @@ def _compile(target: Path, functions: Functions) -> bool:
     """Whether it could make the library."""
     try:
         with _compiling(target, functions) as made:
-            return bool(made(PATIENCE))
-    except (OSError, subprocess.SubprocessError):
+            return bool(made(wait=True))
+    except OSError:
         return False
 
 
@@ -120,22 +124,20 @@ def _compiling(
     target: Path, functions: Functions, idle: bool = False
 ) -> Iterator[Callable[..., bool | None]]:
     """A compiler at work, which ends, with the programs that it starts, with the block, and where
-    this process is killed. Gives `Made`, which takes the time [s] that it waits."""
+    this process is killed. Gives `Made`, which may wait."""
     command, generator = c_compiler(), ca.CodeGenerator("throw")
     for function in functions.values():
         generator.add(function)
     source = str(generator.dump())
     if command is None or len(source) > LARGEST:
-        yield lambda *_: False
+        yield lambda wait=False: False
         return
-    result = None
     with scratch_folder(target.parent) as scratch:
         code, library = scratch / "code.c", scratch / target.name
         code.write_text(source, encoding="utf-8")
         order = [command, *FLAGS, "-o", str(library), str(code), "-lm"]
         if os.name == "posix":
-            order = [*(["sh", "-c", IDLE, "sh"] if idle else []), *order]
-            order = ["sh", "-c", SUPERVISED, "sh", *order]
+            order = ["sh", "-c", SUPERVISED, "idle" if idle else "now", *order]
         # A compiler that is ended leaves its own temporary files.
         own = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(scratch))
         none = subprocess.DEVNULL
@@ -144,17 +146,14 @@ def _compiling(
         )
         assert process.stdin is not None
 
-        def made(wait: float | None = None) -> bool | None:
-            nonlocal result
-            if wait is not None:
-                process.wait(wait)
-            if result is None and process.poll() is not None:
-                result = False
-                with suppress(OSError):
-                    # What stands behind its end does not matter to a library.
-                    done = process.returncode == 0
-                    result = done and keep(target.parent, target.name, library.read_bytes())
-            return result
+        def made(wait: bool = False) -> bool | None:
+            if (process.wait() if wait else process.poll()) is None:
+                return None
+            with suppress(OSError):
+                # What stands behind its end does not matter to a library.
+                if process.returncode == 0:
+                    return keep(target.parent, target.name, library.read_bytes())
+            return False
 
         with process:
             try:
