@@ -26,8 +26,6 @@ _PLACE = Path(__file__).with_name(f"_core{SUFFIX}")
 #: Arrays in C, by the types of their elements in Python.
 _KINDS = {np.dtype(float): "double[]", np.dtype(np.int64): "int64_t[]"}
 _KINDS[np.dtype(bool)] = "unsigned char[]"
-#: What cffi would copy for the time of a call, whatever the length that C reads.
-_COPIED = (list, tuple, dict, bytes)
 
 
 class CoreError(ImportError):
@@ -66,7 +64,8 @@ def _function(function: Callable[..., Any], ffi: Any) -> Callable[..., Any]:
     def given(argument: Any) -> Any:
         if type(argument) is Structure:
             return argument.c
-        if isinstance(argument, _COPIED):
+        # cffi would copy them for the time of a call, whatever the length that C reads.
+        if isinstance(argument, (list, tuple, dict, bytes)):
             raise TypeError("the core takes arrays by `array` and `out`")
         return ffi.NULL if argument is None else argument
 
@@ -199,9 +198,4 @@ def sampled(tick: float, *rows: npt.NDArray[np.float64]) -> Structure:
 
 def threads() -> int:
     """Threads for a call that releases Python's lock: one in a process that another started."""
-    if multiprocessing.parent_process() is not None:
-        return 1
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:
-        return os.cpu_count() or 1
+    return 1 if multiprocessing.parent_process() is not None else os.cpu_count() or 1

@@ -63,7 +63,10 @@ def compiled(
     what is not in the cache. Nothing is loaded from a folder that another user can write to.
     """
     target = _library(key)
-    if target is None or (kept(target) is None and not (make and _compile(target, derive()))):
+    if target is not None and make and kept(target) is None:
+        with suppress(OSError), _compiling(target, derive()) as made:
+            made(wait=True)
+    if target is None or kept(target) is None:
         return derive()
     try:
         return {name: ca.external(name, str(target)) for name in names}
@@ -108,15 +111,6 @@ def _library(key: str) -> Path | None:
     if folder is None or not only_ours(folder) or os.environ.get("THROWPLAN_COMPILE") == "0":
         return None
     return folder / f"{digest(key, ca.CasadiMeta.version(), platform.machine())}.so"
-
-
-def _compile(target: Path, functions: Functions) -> bool:
-    """Whether it could make the library."""
-    try:
-        with _compiling(target, functions) as made:
-            return bool(made(wait=True))
-    except OSError:
-        return False
 
 
 @contextmanager
