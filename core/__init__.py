@@ -46,7 +46,9 @@ def library() -> SimpleNamespace:
 
         core = ffi.dlopen(str(_PLACE))
         built = ffi.string(core.core_sources).decode()
-        why = "" if built == SOURCES == (_hash_of_sources() or built) else "is of other sources"
+        sizes = [ffi.sizeof(name) for name in sorted(ffi.list_types()[0])]
+        same = built == SOURCES == (_hash_of_sources() or built)
+        why = "" if same and sizes == list(core.core_sizes) else "is of other sources"
     except (ImportError, OSError, AttributeError):
         why = "cannot be loaded" if _PLACE.exists() else "is missing"
     if why:

@@ -163,3 +163,9 @@ WIDE_CLONES EXPORT void limit_surface(const batch *b)
 }
 
 const char core_sources[] = CORE_SOURCES;
+
+const int64_t core_sizes[] = {
+    sizeof(batch), sizeof(bodies), sizeof(contact), sizeof(extreme), sizeof(grip), sizeof(limits),
+    sizeof(linkage), sizeof(measured), sizeof(move), sizeof(moved), sizeof(path), sizeof(release),
+    sizeof(samples), sizeof(scene), sizeof(solid), sizeof(thrown), sizeof(throws), sizeof(torques),
+};

@@ -162,3 +162,7 @@ EXPORT int64_t overlaps(int64_t count, const linkage *arm, const bodies *all,
 
 /* A hash of the sources, which the loader compares. */
 EXPORT extern const char core_sources[];
+
+/* Sizes [bytes] of the structures in the order of their names, which it compares too: all their parts have
+   eight bytes, so equal sizes are equal layouts. */
+EXPORT extern const int64_t core_sizes[18];
