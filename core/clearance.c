@@ -121,7 +121,7 @@ static int64_t tick_of(const track *on, int64_t k)
         return -1 - k;
     if (k >= on->before + on->ticks)
         return -1 - (k - on->ticks);
-    return tick < on->c->ticks ? tick : on->c->ticks - 1;
+    return at_tick(on->c, tick);
 }
 
 static double time_at(const track *on, int64_t k)
@@ -479,7 +479,7 @@ int64_t near_object(const course *c, const thrown *s, int64_t nodes, const doubl
     }
     count = on.n ? look(all, &on, all->links, found) : 0;
     int64_t first = (int64_t)floor(s->detach / tick) + 1, last = (int64_t)ceil(lands / tick) - 1;
-    int64_t beside[2] = {first < c->ticks ? first : c->ticks - 1, last < c->ticks ? last : c->ticks - 1};
+    int64_t beside[2] = {at_tick(c, first), at_tick(c, last)};
     on.first = first;
     on.before = 1;
     on.ticks = last >= first ? last - first + 1 : 0;

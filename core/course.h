@@ -24,6 +24,12 @@ typedef struct {
     double *room;
 } course;
 
+/* A tick of the course: the arm rests before the first and after the last. */
+static inline int64_t at_tick(const course *c, int64_t tick)
+{
+    return tick < 0 ? 0 : tick < c->ticks ? tick : c->ticks - 1;
+}
+
 /* What is too near in a motion's arm alone; how many, -1 without memory. */
 int64_t near_arm(const course *c, contact *found);
 

@@ -41,7 +41,7 @@ EXPORT void surface_steps(const release *r, int64_t steps,
 EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t count,
                              const double *numbers, /* [count][12] law, angle, delay, turning, opening [s] */
                              double *detach, /* [count][6] CoM's pose and twist; not finite: blown up */
-                             int64_t kept,   /* nodes that are kept, the first and the last among them; at least 2 */
+                             int64_t kept,   /* nodes that are kept: the first ones after even times, and the last; at least 2 */
                              double *track,  /* [count][kept][4] time [s] from the opening's start, CoM's pose */
                              int64_t *lost   /* [count] whether the body left the pads before the end */
 );

@@ -316,7 +316,8 @@ INLINE void carry(const course *c, const thrown *s, const object *o, int64_t nod
     const throws *t = c->t;
     int64_t n = t->torques ? t->arm->n : 0, k = 0;
     double before[AXES], change = 0.0;
-    for (; k < c->width && c->time[k] <= s->detach; k += LANES) {
+    /* Until a tick after detach, whose load is gone. */
+    for (; k < c->width && (k == 0 || c->time[k - 1] <= s->detach); k += LANES) {
         lane hand[9], load[3], time, left;
         pose bar, seen;
         held_in(s, c->hand, k, hand, &bar);
@@ -438,7 +439,7 @@ INLINE void fly(const course *c, const thrown *s, const object *o, const box *bo
             }
         } else
             EACH_LANE {
-                int64_t tick = k + l < c->ticks ? k + l : c->ticks - 1;
+                int64_t tick = at_tick(c, k + l);
                 hand.x[l] = c->hand[0][tick];
                 hand.z[l] = c->hand[1][tick];
                 hand.cos[l] = c->cosine[tick];
@@ -819,6 +820,8 @@ CLONES EXPORT int64_t measure_throws(const throws *t, int64_t count, const throw
                     .palm_time = INFINITY, .cup = INFINITY};
     double latest = 0.0;
     course c;
+    if (!count)
+        return 0;
     for (int64_t k = 0; k < count; k++)
         latest = fmax(latest, each[k].opening);
     int there = lay(&c, t, latest, &body, &arm);
@@ -833,9 +836,9 @@ CLONES EXPORT int64_t measure_throws(const throws *t, int64_t count, const throw
         *m = arm;
         m->grip = largest_use(&c, one);
         nears[k] = 0;
+        carry(&c, one, &o, nodes, track, m);
         if (!isfinite(one->flight))
             continue;
-        carry(&c, one, &o, nodes, track, m);
         fly(&c, one, &o, &body, m);
         if (s->cup_radius >= 0.0)
             m->cup = enter(s, one->cup_x, one->start, one->flight, &o);

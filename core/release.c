@@ -569,9 +569,13 @@ EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t co
         }
         for (int i = 0; i < 6; i++)
             detach[6 * k + i] = rows[nodes - 1][1 + i];
-        for (int64_t i = 0; i < kept; i++, track += 4)
+        for (int64_t i = 0, at = 0; i < kept; i++, track += 4) {
+            double time = r.grip.opening * (double)i / (double)(kept - 1);
+            while (at < nodes - 1 && (i == kept - 1 || rows[at][0] < time))
+                at++;
             for (int j = 0; j < 4; j++)
-                track[j] = rows[i * (nodes - 1) / (kept - 1)][j];
+                track[j] = rows[at][j];
+        }
     }
     free(rows);
     return 0;

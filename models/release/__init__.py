@@ -12,6 +12,7 @@ from .integrators import (
     exact_surface_release,
     relative_states,
     rk4_step,
+    track_length,
 )
 from .limit_surface import SteppedRelease
 from .published_surface import ImplicitRelease, KarnoppRelease

@@ -7,6 +7,7 @@ until the detach state converges. The limit surface, first order in its steps, i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -57,8 +58,13 @@ def law_numbers(given: ReleaseCase | ReleaseBatch) -> list[Any]:
 
 # N releases by the core.
 
-#: Nodes of each release of a batch that are kept.
-TRACK = 24
+#: Longest time [s] between nodes of releases that a track keeps, about.
+TRACK_STEP = 1e-3
+
+
+def track_length(longest: float) -> int:
+    """Number of nodes of the tracks of openings that take `longest` [s] at most."""
+    return max(math.ceil(longest / TRACK_STEP), 1) + 1
 
 
 def compiled_batch(
@@ -199,14 +205,15 @@ def exact_releases(
     angle, delays_total = batch.grasp_angle, float(_path(case).delays) + delays
     values = (*law_numbers(batch), angle, delays_total, turning, batch.opening)
     numbers = np.column_stack([np.broadcast_to(value, batch.count) for value in values])
-    detach, track = np.empty((batch.count, 6)), np.empty((batch.count, TRACK, 4))
+    length = track_length(float(batch.opening.max(initial=0.0)))
+    detach, track = np.empty((batch.count, 6)), np.empty((batch.count, length, 4))
     lost = np.empty(batch.count, np.int64)
     shared = compiled_release(case)
 
     def throw(throws: Throws) -> None:
         part = slice(int(throws[0]), int(throws[-1]) + 1)
         rows, n = np.ascontiguousarray(numbers[part], float), len(throws)
-        nodes = TRACK, out(track[part], n, TRACK, 4)
+        nodes = length, out(track[part], n, length, 4)
         found = (out(detach[part], n, 6), *nodes, out(lost[part], n))
         if library().many_releases(shared, int(surface), n, array(rows, n, 12), *found):
             raise MemoryError

@@ -361,9 +361,12 @@ class Session:
         """Why a motion must not be sent; None: it may."""
         samples = sent.samples
         path = Trajectory.quintics(TICK, *self._follower.expected(samples.rows))
+        # The grip's margin is a reserve for what the arm does beside the plan.
+        scene, release = found.throw.scene, found.throw.release
+        scene = scene.changed(gripper=scene.gripper.changed(sticking_margin=0.0))
         # Until the pads are open the motion is that of `found`.
         throw = dataclasses.replace(
-            found.throw, path=path, samples=samples, known_release=found.throw.release
+            found.throw, scene=scene, path=path, samples=samples, known_release=release
         )
         # A law of two numbers says where the joints are, not what turns them. It may land off the
         # target, or its time, as long as it lands nearer than before.

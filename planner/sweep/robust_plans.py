@@ -130,7 +130,8 @@ class Hardening:
                     variables=throw.nlp_size[0],
                     constraints=throw.nlp_size[1],
                 )
-            if found.throw is not None or self.task.budget.late:
+            margins = found.verdict is not None and found.verdict.reserves
+            if (found.throw is not None and not margins) or self.task.budget.late:
                 # Less reserve does not help: a throw was found, and it breaks another limit.
                 break
         return None

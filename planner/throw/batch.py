@@ -15,6 +15,7 @@ from ...models.release import (
     BatchRelease,
     ReleaseBatch,
     exact_releases,
+    track_length,
 )
 from ...problems import Pose, Scene
 from .manipulator import HandError
@@ -212,7 +213,12 @@ def flight_of(throw: Throw) -> BatchFlights:
     names = "mass", "inertia", "friction", "patch_radius"
     columns = {name: np.full(1, value) for name, value in zip(names, numbers, strict=True)}
     error, none = throw.error, np.zeros(1)
-    track = np.vstack([release.times, release.com]).T[None]
+    nodes = np.vstack([release.times, release.com]).T
+    # As of a batch: the first nodes after even times, and the last.
+    even = np.linspace(0.0, release.times[-1], track_length(float(release.times[-1])))
+    which = np.minimum(np.searchsorted(release.times, even), len(nodes) - 1)
+    which[-1] = len(nodes) - 1
+    track = nodes[which][None]
     opened = np.full(1, throw.opening_time)
     return BatchFlights(
         columns,

@@ -179,7 +179,8 @@ class Judged:
                 Code.CUP_MISSED, np.where(missed, 0.0, cup.insertion), cup.insertion, -1.0
             )
             beyond = np.where(missed | (clearance > enough), math.inf, clearance)
-            yield LimitUse(Code.CUP_WALL, beyond, cup.clearance, -1.0)
+            # A rim inside the object is at 0.
+            yield LimitUse(Code.CUP_WALL, beyond, cup.clearance, -1.0, slack=-NEAR)
         if room is not None:
             first = self.flights.freed + m.value("palm_time")
             yield distance(Code.PALM, "palm", room, FLYING)._replace(time=first)

@@ -9,9 +9,10 @@ import pickle
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models import Trajectory
+from throwplan.models import Trajectory, held_wrench
 from throwplan.models.robot import PlanarHand, hand_motion
 from throwplan.planner.throw import TICK, Manipulator, Samples, Throw, excesses, make_manipulator
+from throwplan.planner.throw.loads import load_torques
 from throwplan.planner.throw.manipulator import HandError
 from throwplan.planner.verdict import Code, measures_of, verdict
 
@@ -90,6 +91,31 @@ def test_a_swing_of_the_acceleration_between_two_samples_is_seen() -> None:
     assert grip_of(Throw(scene, manipulator, sent, 0.1)) == pytest.approx(expected, rel=0.02)
     still = Samples(rest, rest, rest).path
     assert grip_of(Throw(scene, manipulator, still, 0.1)) < 0.7 * expected
+
+
+@pytest.mark.parametrize("opening", [0.0005, 0.05])
+def test_the_torque_rate_is_that_of_the_commands_from_tick_to_tick(opening, loud_plan_of) -> None:
+    """The load falls linearly while the pads open, wherever that is between two ticks."""
+    throw = loud_plan_of("pose").throw.deciding
+    scene = throw.scene.changed(gripper=throw.scene.gripper.changed(opening=opening))
+    times = np.arange(0.0, throw.path.end + TICK / 2, TICK)
+    free, by_load = load_torques(scene, throw.manipulator, throw.path, times)
+    hand = throw.hand(times).motion
+    load = np.array(held_wrench(scene.body, scene.gravity, hand, scene.grasp.angle))
+    for late in np.arange(9) * TICK + 3e-4:
+        other = throw.in_scene(scene).delayed(float(late))
+        left = np.clip((other.detach_time - times) / opening, 0.0, 1.0)
+        torques = free + left * np.einsum("wjk,wk->jk", by_load, load)
+        rate = np.abs(np.diff(torques, axis=1)).max() / TICK
+        assert measures_of(other).value("rate")[0] == pytest.approx(rate, rel=1e-6)
+
+
+def test_torques_are_measured_of_a_throw_that_never_lands(loud_plan_of) -> None:
+    throw = loud_plan_of("pose").throw.deciding
+    high = throw.in_scene(throw.scene.aimed_at(throw.target.changed(z=50.0)))
+    assert not high.lands
+    low, up = (measures_of(each).torque[0] for each in (throw, high))
+    np.testing.assert_allclose(low, up)
 
 
 def test_a_bar_that_flies_into_the_palm_breaks_a_clearance_of_zero(loud_planner_of) -> None:
