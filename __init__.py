@@ -10,9 +10,9 @@ A scene is made of the sections of its file, each a class of that name: `tp.Obje
 
 from importlib.metadata import PackageNotFoundError, version
 
-from .planner.cycle import Cycle, plan_cycle
+from .cycles import Cycle, plan_cycle
+from .lab import Calibrated, Identified, calibrate, identify, throw_data, thrown
 from .planner.follow import Response, Session, Update
-from .planner.identify import Calibrated, Identified, calibrate, identify, throw_data, thrown
 from .planner.planner import Planner, plan
 from .planner.reach import ReachMap, reach_map
 from .planner.result import (
@@ -24,7 +24,6 @@ from .planner.result import (
     read_motion,
     read_plan,
 )
-from .planner.robot import Replay, export, replay, view
 from .planner.show import draw_bars, draw_cup
 from .planner.simulation import simulate, simulate_batch
 from .planner.sweep import Sweep, sweep
@@ -63,6 +62,7 @@ from .problems import ThrownObject as Object
 from .problems.job_files import load_jobs
 from .problems.scene_files import load_scene, scene_names, scene_text
 from .problems.throws import ThrowData, load_throws
+from .robots import Replay, export, replay, view
 
 try:
     __version__ = version("throwplan")

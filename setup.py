@@ -110,7 +110,10 @@ class Wheel(bdist_wheel):
         return "py3", "none", super().get_tag()[2]
 
 
-FOLDERS = [f"{name}*" for name in ("core", "models", "planner", "problems")]
+FOLDERS = [
+    f"{name}*"
+    for name in ("core", "models", "planner", "problems", "cli", "cycles", "lab", "robots")
+]
 # Called so, the script is no module of the package.
 setup(
     packages=["throwplan", *(f"throwplan.{name}" for name in find_packages(include=FOLDERS))],

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from throwplan import InputError
+from throwplan.cli import Parser, Progress, leave
 from throwplan.interrupts import INTERRUPTED
-from throwplan.planner.cli import Parser, Progress, leave
 from throwplan.problems.files import prepare_folder
 
 from . import PAGE, SECTIONS, make_report

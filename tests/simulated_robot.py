@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from throwplan.planner.robot import Franka, GripperReply, GripperState
 from throwplan.problems import InputError
+from throwplan.robots import Franka, GripperReply, GripperState
 
 #: The usual pose of an FR3.
 HOME = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])

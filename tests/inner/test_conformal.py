@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from throwplan.planner.identify import conformal_region
+from throwplan.lab import conformal_region
 
 
 def belongs(candidate: np.ndarray, known: np.ndarray, level: float) -> bool:

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from throwplan.planner.cycle.order import best_order
+from throwplan.cycles.order import best_order
 
 
 @pytest.mark.parametrize("given", [False, True])

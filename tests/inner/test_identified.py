@@ -13,8 +13,7 @@ import pytest
 import throwplan as tp
 from builders import MADE_PRODUCT, made_throws
 from throwplan import load_scene, scene_text
-from throwplan.models.release import TableGrip
-from throwplan.planner.identify import (
+from throwplan.lab import (
     Belief,
     Identified,
     Predictor,
@@ -29,6 +28,7 @@ from throwplan.planner.identify import (
     throw_data,
     thrown,
 )
+from throwplan.models.release import TableGrip
 from throwplan.problems import Distribution, Grasp, InputError, ThrownObject, Uncertainty
 from throwplan.problems.throws import MeasuredThrow, Shared, ThrowData
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from adam.numpy import KinDynComputations
+from throwplan.cycles import HandPose, inverse_kinematics
 from throwplan.planner.clearance import SpatialScene
-from throwplan.planner.cycle import HandPose, inverse_kinematics
 from throwplan.planner.throw import Samples, make_manipulator
 from throwplan.planner.verdict import motion_verdict
 

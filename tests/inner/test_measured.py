@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from throwplan.lab import measured
 from throwplan.models.release import TableGrip
-from throwplan.planner.identify import measured
 from throwplan.problems import Grasp, InputError, ThrownObject
 from throwplan.problems.throws import MeasuredThrow, Shared, ThrowData
 

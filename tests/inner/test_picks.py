@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from job_lists import ONE
-from throwplan.planner.cycle.planning import with_joints
+from throwplan.cycles.planning import with_joints
 from throwplan.planner.throw import make_manipulator
 from throwplan.problems.job_files import load_jobs
 

@@ -40,7 +40,7 @@ while (sent := session.throw.samples) and session.update(
     tick += 5
 """,
     "recordings": """
-from throwplan.planner.robot import Recording, joint_motion
+from throwplan.robots import Recording, joint_motion
 tp.plan(loud("fr3"), patience=60.0).save(folder, draw=False)
 motion = joint_motion(folder)
 seen = Recording(motion.times, motion.q, motion.q, (motion.throw.command_time,))

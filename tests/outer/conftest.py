@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 import pytest
-from throwplan.planner.cli import main
+from throwplan.cli import main
 
 
 @dataclass(frozen=True)

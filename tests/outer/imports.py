@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import throwplan as tp
-from throwplan.planner.cli import main
+from throwplan.cli import main
 
 PANDA_URDF = Path(__file__).parent.parent / "data" / "panda.urdf"
 PANDA_JOINTS = [f"panda_joint{i}" for i in range(1, 8)]

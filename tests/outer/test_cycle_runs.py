@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from simulated_robot import TICK, simulated
 from throwplan.planner.result import SentMotion
-from throwplan.planner.robot import (
+from throwplan.planner.throw import Samples
+from throwplan.problems import InputError
+from throwplan.robots import (
     Franka,
     Recording,
     approach,
@@ -21,8 +23,6 @@ from throwplan.planner.robot import (
     joint_motion,
     throws,
 )
-from throwplan.planner.throw import Samples
-from throwplan.problems import InputError
 
 from oracle import gap_to_waiting
 

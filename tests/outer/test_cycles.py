@@ -13,13 +13,13 @@ import pytest
 import throwplan as tp
 from builders import varied, with_grip
 from job_lists import HAMMER, ONE, POSE, POST, TWO, write_random_jobs
-from throwplan.planner.cli import main
-from throwplan.planner.cycle import Cycle, plan_cycle
+from throwplan.cli import main
+from throwplan.cycles import Cycle, plan_cycle
 from throwplan.planner.result import read_motion
-from throwplan.planner.robot import replay
 from throwplan.planner.throw import TICK, Samples
 from throwplan.problems import Calibration
 from throwplan.problems.job_files import jobs_names, load_jobs
+from throwplan.robots import replay
 
 from oracle import broken_limits
 

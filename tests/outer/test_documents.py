@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 import throwplan as tp
-from throwplan.planner.cli import main
+from throwplan.cli import main
 
 from benchmarks import SECTIONS
 

@@ -17,7 +17,7 @@ import pytest
 import throwplan as tp
 from builders import loud
 from throwplan.planner.reach import reach_map
-from throwplan.planner.robot import approach, joint_motion
+from throwplan.robots import approach, joint_motion
 
 HOST = "127.0.19.1"
 #: Address at which its arm has another hand.

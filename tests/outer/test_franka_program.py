@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from throwplan.planner.robot import commands_of, export, joint_motion
+from throwplan.robots import commands_of, export, joint_motion
 
 JOINTS = range(1, 8)
 

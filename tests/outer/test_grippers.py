@@ -11,8 +11,8 @@ import pytest
 import throwplan as tp
 from simulated_robot import TICK, simulated
 from throwplan.planner.result import SentMotion
-from throwplan.planner.robot import approach, joint_motion, rehearse, throws
 from throwplan.problems import InputError
+from throwplan.robots import approach, joint_motion, rehearse, throws
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from adam.numpy import KinDynComputations
 from builders import inertia_matrix
 from imports import PANDA_JOINTS, PANDA_OPTIONS, PANDA_URDF, imported
 from planar_urdf import JOINTS, ODD_OPTIONS, XACRO, hand_pose, planar_urdf
-from throwplan.planner.cli import main
+from throwplan.cli import main
 
 from oracle.shapes import to_segment
 

@@ -53,9 +53,7 @@ def python(code: str, **options) -> str:
     ],
 )
 def test_a_command_imports_only_what_it_needs(words, names) -> None:
-    code = (
-        f"import sys; from throwplan.planner.cli import main; assert not main({words} + ['--json'])"
-    )
+    code = f"import sys; from throwplan.cli import main; assert not main({words} + ['--json'])"
     assert python(f"{code}; print([m for m in {names} if m in sys.modules])").endswith("[]")
 
 

@@ -13,7 +13,7 @@ import pytest
 import throwplan as tp
 from builders import edit_plan, with_grip
 from throwplan.planner.result import SentMotion, read_motion
-from throwplan.planner.robot import ObjectReplay
+from throwplan.robots import ObjectReplay
 
 pytest.importorskip("mujoco")
 

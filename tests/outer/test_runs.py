@@ -16,7 +16,10 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 from simulated_robot import BINDING
 from throwplan.planner.result import SentMotion
-from throwplan.planner.robot import (
+from throwplan.planner.verdict import verdict
+from throwplan.problems import InputError, Obstacle
+from throwplan.problems.arms import load_arm
+from throwplan.robots import (
     Franka,
     GripperState,
     Recording,
@@ -25,9 +28,6 @@ from throwplan.planner.robot import (
     joint_motion,
     read_recording,
 )
-from throwplan.planner.verdict import verdict
-from throwplan.problems import InputError, Obstacle
-from throwplan.problems.arms import load_arm
 
 TICK = 0.001
 #: The usual pose of an FR3.

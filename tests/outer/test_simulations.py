@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import varied
-from throwplan.planner.cli import main
+from throwplan.cli import main
 
 #: What `all` runs, in this order.
 NAMES = ("sp", "sp-paper", "ls", "ls-smooth", "ils", "ls-step", "patch", "lugre")

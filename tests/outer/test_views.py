@@ -105,7 +105,7 @@ def test_wrong_options(saved, refused, tmp_path) -> None:
 
 def test_without_viser_the_extra_is_named(saved) -> None:
     code = (
-        "import sys; sys.modules['viser'] = None; from throwplan.planner.cli import main; "
+        "import sys; sys.modules['viser'] = None; from throwplan.cli import main; "
         "sys.exit(max(main([command, what, '--no-browser']) for command, what in "
         "(('view', sys.argv[1]), ('play', 'hand-flip'))))"
     )

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.cli import main
 from throwplan.models import Trajectory, low_pass
-from throwplan.planner.cli import main
 
 
 def scene_with(folder: Path, motion: str) -> Path:

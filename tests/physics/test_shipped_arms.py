@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.cli import main
+from throwplan.cli import main
 from throwplan.problems.arms import load_arm
 from throwplan.problems.urdf import kinematics_difference, limits_of, link_inertias
 
