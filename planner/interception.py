@@ -30,14 +30,14 @@ PlanAt = Callable[[Pose, Plan | None], Plan]
 class InterceptionSettings:
     """Settings of the search for place and time of an interception.
 
-    max_distance [m]: pose error of the nearest sampled landing above which no throw is planned.
-    max_times: most times that are tried, at least `spacing` [s] apart. late_enough: a time is late
-    enough if the fastest sampled throw takes at most this share of it. usual_time [s]: a throw
-    takes longer only if it must; for later times the arm waits. max_throws: most throws planned,
-    each aimed at the target's place when the one before lands. equal_ticks [samples]: times that
-    differ by less are equal. slack [s]: after the earliest arrival, in the first half of its
-    window, for pads that open early. max_change [s]: of the time from one throw to the next.
-    max_miss [m]: largest way of the target between its time and the landing.
+    max_distance [m]: pose error of the nearest sampled landing above which no further throw is
+    planned. max_times: most times that are tried, at least `spacing` [s] apart. late_enough: a time
+    is late enough if the fastest sampled throw takes at most this share of it. usual_time [s]: a
+    throw takes longer only if it must; for later times the arm waits. max_throws: most throws
+    planned for one time, each aimed at the target's place when the one before lands. equal_ticks
+    [samples]: times that differ by less are equal. slack [s]: after the earliest arrival, in the
+    first half of its window, for pads that open early. max_change [s]: of the time from one throw
+    to the next. max_miss [m]: largest way of the target between its time and the landing.
     """
 
     max_distance: float = 0.12

@@ -179,7 +179,7 @@ def _gripper_rows(motion: SentMotion) -> Iterator[str]:
 
 def _write_programs(folder: Path, names: Sequence[str]) -> None:
     """Copy the programs that throw the files beside them."""
-    programs = files("throwplan") / "planner" / "robot" / "programs"
+    programs = files("throwplan") / "robots" / "programs"
     for name in names:
         (folder / name).write_text((programs / name).read_text(encoding="utf-8"), encoding="utf-8")
 

@@ -79,7 +79,9 @@ class Outcome:
 
     throw: None where no motion was found. pose: where it lands, which it was judged for: the goal,
     or a place beside it, `missed` [m] from it as a pose error. binding: the limits that hold it
-    there. broken: the limits that ended the start, empty if it breaks none.
+    there. broken: the limits that ended the start; empty if it breaks none, or none is known, as of
+    a throw that could not be moved. missed is 0 for a throw that was judged for the goal, wherever
+    it lands.
     """
 
     goal: Pose
@@ -160,9 +162,9 @@ def attempt(
 ) -> Outcome:
     """The throw that a start leads to; price [1/m]: of an elastic landing's pose error.
 
-    At most `rounds` NLPs, each refined by the verdict on the throw before; each is solved again
-    `corrections` times at most. An exact NLP begins where the one before ended, an elastic one
-    where the first began.
+    At most `rounds` NLPs, each refined by the verdict on the throw before; each is solved
+    `corrections` times at most, with its aim moved. An exact NLP begins where the one before ended,
+    an elastic one where the first began.
     """
     one, begin = Outcome(start.goal, start.refinement), start
     for _ in range(rounds):
@@ -183,8 +185,8 @@ def attempt(
 
 
 def quieted(problems: NlpCache, one: Outcome, task: Task) -> Outcome:
-    """The throw with as little load on the pads while they open as limits let it; the throw itself
-    where its landings scatter no less.
+    """The throw with as little load on the pads while they open as limits let it; the throw as it
+    is where its landings scatter no less.
 
     The task's price of the load is tried first, then smaller ones.
     """
@@ -269,7 +271,6 @@ def _begun(
         start.goal, start.refinement, task.solver, budget, robust, elastic=price > 0.0
     )
     nlp = program.nlp
-    program = replace(program, limits=nlp.bounds(replace(request, target=start.goal)))
     with budget("guess"):
         x = start.guess(nlp)
         in_cup = price > 0.0 and task.scene.cup is not None

@@ -1,4 +1,4 @@
-"""The search, whole: one loop over starts of three kinds, one attempt from each."""
+"""The search, whole: one loop over starts of three kinds; attempts from each."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class SearchSettings:
 
     prices [1/m]: of an elastic landing's pose error, one after the other. close [m]: pose error
     from which the NLP for the target itself is tried. vain: the search ends after so many elastic
-    starts that came no nearer. known: solved throws of a library that are tried; beside [m]: how
-    near to the target they land.
+    starts that came no nearer, twice as many while none led to a motion. known: solved throws of a
+    library that are tried; beside [m]: how near to the target these, or a warm plan, land.
     """
 
     prices: tuple[float, ...] = (100.0, 1000.0)
@@ -49,7 +49,7 @@ DIFFERENT_SHARE = 0.1
 #: Throws differ if their flight times do by more than this [s].
 DIFFERENT_FLIGHT = 0.05
 #: Sampled releases of each sort that the NLP for the target starts from, for each throw wanted.
-EXACT = 2
+SAMPLED = 2
 #: Share of the time in which throws are looked for; the rest is for making them quiet.
 SEARCHED = 0.6
 #: Throws into a region of which the cheapest is taken.
@@ -99,8 +99,8 @@ class SearchContext:
 class Search:
     """The search for throws to one target; warm: a solved throw to a target nearby.
 
-    found: throws to the target that differ, see `distinct`; short: those that limits let come
-    nearest to it, nearest first; broken: how often a limit ended a start without either; reserves:
+    found: throws to the target that differ, see `distinct`; short: those that keep their limits
+    beside it, nearest first; broken: how often a limit ended a start without either; reserves:
     what a throw to the target breaks that keeps all but margins; elastic: number of elastic starts.
     """
 
@@ -122,14 +122,14 @@ class Search:
         """Tries starts until there are enough throws, or starts are in vain, or time is over."""
         task, vain, as_warm = self.task, 0, None
         # A throw that was found leaves time to make it quiet.
-        search = task.budget.part(SEARCHED) if task.quiet else task.budget
+        for_search = task.budget.part(SEARCHED) if task.quiet else task.budget
         for start in self.starts():
-            if (search if self.found else task.budget).late:
+            if (for_search if self.found else task.budget).late:
                 break
             with interrupts_deferred():
                 one = self.attempt(start)
             task.budget.counts["starts"] += 1
-            known, nearest = len(self.found), self.nearest
+            before, miss = len(self.found), self.least_miss
             if one.hits:
                 self.found = distinct([*self.found, one])
                 as_warm = one if self._is_warm(start) else as_warm
@@ -140,7 +140,7 @@ class Search:
                 if one.missed == 0.0 and one.verdict is not None and one.verdict.reserves:
                     self.reserves = one.verdict.words
             if isinstance(start, Elastic):
-                gained = len(self.found) > known or self.nearest < nearest
+                gained = len(self.found) > before or self.least_miss < miss
                 vain = 0 if gained else vain + 1
             # Asked before the next start is made, which takes a third of an easy plan's time.
             if self.is_over(vain):
@@ -171,7 +171,7 @@ class Search:
         return start.warm is warm.solution and away < SETTINGS.beside
 
     @property
-    def nearest(self) -> float:
+    def least_miss(self) -> float:
         """Pose error [m] of the nearest landing; inf without one."""
         return self.short[0].missed if self.short else math.inf
 
@@ -202,7 +202,7 @@ class Search:
         if self.bound is None:
             tried = set[bytes]()
             for starts, near in ((every, every.nearest), (arriving, arriving.by_kind)):
-                for index, goal, _ in near[: EXACT * wanted]:
+                for index, goal, _ in near[: SAMPLED * wanted]:
                     if (key := starts.releases.key(index)) not in tried:
                         tried.add(key)
                         yield Exact(goal, starts.guess(index))

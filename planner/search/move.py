@@ -1,4 +1,4 @@
-"""A solved throw moved to a target nearby, by the throw itself instead of a solver.
+"""A solved throw moved to a target nearby by Newton steps on the exact throw, without an NLP.
 
 `Optimum.slope` says how the free numbers of an optimum move with its target while the active limits
 stay active. Along these one or two directions the compiled core brings the exact throw to the

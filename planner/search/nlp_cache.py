@@ -107,7 +107,7 @@ class Task:
 
 @dataclass(frozen=True)
 class CompiledNlp:
-    """An NLP with one solver and the bounds of its variables."""
+    """An NLP with one solver, and the bounds of its variables for one request."""
 
     nlp: ThrowNlp
     solver: Solver
@@ -126,7 +126,7 @@ class NlpCache:
     scene: Scene
     manipulator: Manipulator
     _nlps: dict[_Kind, ThrowNlp] = field(default_factory=dict)
-    _compiled: dict[tuple[_Kind, str], CompiledNlp] = field(default_factory=dict)
+    _solvers: dict[tuple[_Kind, str], Solver] = field(default_factory=dict)
     _shared: dict[str, Any] = field(default_factory=dict)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -156,12 +156,11 @@ class NlpCache:
     ) -> CompiledNlp:
         """The NLP for a target with a solver: 'fatrop' or 'ipopt'."""
         request = Request(self.scene, self.manipulator, target, refinement, robust, float(elastic))
-        kind = _kind(request), solver
-        if kind not in self._compiled:
-            nlp = self.nlp(request, budget)
+        kind, nlp = (_kind(request), solver), self.nlp(request, budget)
+        if kind not in self._solvers:
             with budget("build"):
-                self._compiled[kind] = CompiledNlp(nlp, Solver(nlp, solver), nlp.bounds(request))
-        return self._compiled[kind]
+                self._solvers[kind] = Solver(nlp, solver)
+        return CompiledNlp(nlp, self._solvers[kind], nlp.bounds(request))
 
 
 def _kind(request: Request) -> _Kind:

@@ -17,6 +17,8 @@ from throwplan.planner.ocp.machine_code import c_compiler, compiled
 
 NAMES = ("f", "g")
 ROOT = Path(__file__).parents[2]
+#: Packages beside the core.
+PACKAGES = ("models", "problems", "planner", "cli", "cycles", "lab", "robots")
 
 
 def derived() -> dict[str, ca.Function]:
@@ -77,7 +79,7 @@ def test_without_the_core_of_these_sources_a_command_ends_with_one_line(tmp_path
     assert core.library()
     package = tmp_path / "throwplan"
     shutil.copytree(ROOT / "core", package / "core")
-    for item in [*ROOT.glob("*.py"), *(ROOT / name for name in ("models", "planner", "problems"))]:
+    for item in [*ROOT.glob("*.py"), *(ROOT / name for name in PACKAGES)]:
         (package / item.name).symlink_to(item)
     for spoil in (
         lambda: (package / "core" / "new.h").write_text("\n"),

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+#: Packages beside the core.
+PACKAGES = ("models", "problems", "planner", "cli", "cycles", "lab", "robots")
 CHECKS = ["-O0", "-g", "-fno-omit-frame-pointer", "-fsanitize=address,undefined"]
 CHECKS += ["-fno-sanitize-recover=all"]
 
@@ -71,7 +73,7 @@ def package(tmp_path_factory) -> Path:
     )
     for name in ("setup.py", "pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, package)
-    for item in [*ROOT.glob("*.py"), *(ROOT / name for name in ("models", "planner", "problems"))]:
+    for item in [*ROOT.glob("*.py"), *(ROOT / name for name in PACKAGES)]:
         if not (package / item.name).exists():
             (package / item.name).symlink_to(item)
     build = [sys.executable, "setup.py", "--quiet", "build_ext", "--inplace"]

@@ -17,6 +17,8 @@ import pytest
 import throwplan as tp
 
 ROOT = Path(__file__).parent.parent.parent
+#: Packages beside the core.
+PACKAGES = ("models", "problems", "planner", "cli", "cycles", "lab", "robots")
 
 
 def test_a_plan_is_drawn_followed_and_read_back(tmp_path) -> None:
@@ -156,7 +158,7 @@ def test_wheel_holds_the_package_and_its_data(wheel) -> None:
         if n.startswith(("throwplan/tests", "throwplan/benchmarks", "throwplan/oracle"))
     ]
     assert "throwplan/setup.py" not in names
-    for layer in ("core", "models", "problems", "planner"):
+    for layer in ("core", *PACKAGES):
         for path in (ROOT / layer).rglob("*.py"):
             assert f"throwplan/{path.relative_to(ROOT)}" in names
 
