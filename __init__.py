@@ -12,7 +12,6 @@ from importlib.metadata import PackageNotFoundError, version
 
 from .cycles import Cycle, plan_cycle
 from .lab import Calibrated, Identified, calibrate, identify, throw_data, thrown
-from .planner.follow import Response, Session, Update
 from .planner.planner import Planner, plan
 from .planner.reach import ReachMap, reach_map
 from .planner.result import (
@@ -62,7 +61,7 @@ from .problems import ThrownObject as Object
 from .problems.job_files import load_jobs
 from .problems.scene_files import load_scene, scene_names, scene_text
 from .problems.throws import ThrowData, load_throws
-from .robots import Replay, export, replay, view
+from .robots import Replay, Response, Session, Update, export, follow, replay, view
 
 try:
     __version__ = version("throwplan")
@@ -120,6 +119,7 @@ __all__ = [
     "draw_cup",
     "draw_flight",
     "export",
+    "follow",
     "identify",
     "load_jobs",
     "load_scene",

@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from throwplan import Plan, Planner, Pose, load_scene, reach_map
+from throwplan import Plan, Planner, Pose, follow, load_scene, reach_map
 from throwplan.planner.show import Row, Table, shown
 from throwplan.planner.throw import TICK
 
@@ -93,7 +93,7 @@ def _followed(
 
     times: the updates' durations [ms] are added.
     """
-    session, target, status, tick = planner.follow(plan, HORIZON), plan.target, "", 0
+    session, target, status, tick = follow(planner, plan, HORIZON), plan.target, "", 0
     while status not in ("committed", "stopped"):
         t, sent = TICK * tick, session.throw.samples
         moving = t >= start_time

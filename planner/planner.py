@@ -15,7 +15,6 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unp
 from ..problems import Cost, InputError, Pose, Scene, checked
 from ..problems.scene_files import as_scene
 from .clearance import check_obstacles
-from .follow import Response, Session
 from .interception import intercept
 from .library import Library, Turns
 from .planning import plan_throw
@@ -25,7 +24,7 @@ from .result import Plan
 from .samples import Releases, ReleaseSampler, stored_releases
 from .search import Budget, NlpCache, SearchContext, Task, check_start, remaining_throw
 from .sweep import Hardening, choose, hardened, robust_scene
-from .throw import State, Throw, make_manipulator
+from .throw import State, make_manipulator
 from .workers import Progress, executor_of
 
 SolverName = Literal["fatrop", "ipopt"]
@@ -199,24 +198,14 @@ class Planner:
         return begins and self.scene.fits(plan.scene)
 
     @_alone
-    def follow(
-        self,
-        plan: Plan,
-        horizon: float = 0.02,
-        *,
-        sent: Throw | None = None,
-        response: Response | None = None,
-    ) -> Session:
-        """A session that corrects the swing of a solved plan until the hand opens.
+    def lend(self, plan: Plan, use: Callable[[NlpCache], T]) -> T:
+        """What `use` makes of the scene's NLPs for motions under way; other threads wait.
 
-        Takes some tenths of a second, before the swing. horizon [s]: delay from a measurement until
-        a new command takes effect. sent: the motion sent to joints that lag, instead of the plan's;
-        response: their response, if known. InputError for a plan of another scene.
+        InputError for a plan of another scene, and for one that is not solved.
         """
-        horizon = checked("horizon", horizon, float, {"above": 0})
         if not self._is_own(plan):
             raise InputError("follow: needs a solved plan of this planner's scene")
-        return Session(self._in_motion.problems, plan, horizon, sent, response)
+        return use(self._in_motion.problems)
 
     @_alone
     def prepare(

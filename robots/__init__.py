@@ -12,5 +12,6 @@ from .learning import corrected
 from .motions import arm_of, commands_of, joint_motion
 from .mujoco_replay import ObjectReplay, Replay, replay
 from .recording import Recording, read_recording
+from .swings import Response, Session, Update, follow
 from .viewing import motion_to_rest, view
 from .watch import find_stops

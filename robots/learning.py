@@ -29,7 +29,6 @@ from ..planner.clearance import (
     palm_distance,
     tool_speeds,
 )
-from ..planner.follow import Response
 from ..planner.planner import Planner
 from ..planner.result import SentMotion
 from ..planner.throw import (
@@ -46,6 +45,7 @@ from ..planner.throw import (
 from ..planner.verdict import Code, Finding, Verdict, verdict
 from ..problems import InputError, Scene, Torque
 from .recording import CUTOFF, Recording, interpolated
+from .swings import Response
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from ..models import Array, ReadOnly, Trajectory, low_pass
-from ..planner.follow import Response
 from ..planner.result import SentMotion, write_table
 from ..planner.simulation import planar_joints
 from ..planner.throw import TICK, Throw
@@ -22,6 +21,7 @@ from ..planner.verdict import Code, Finding, outside_tolerance, verdict
 from ..problems import InputError, Scene, ThrowPlane
 from ..problems.files import csv_lines, read_csv
 from .motions import arm_of
+from .swings import Response
 
 #: Cut-off [Hz] of the low-pass on the residuals of the fitted response.
 CUTOFF = 60.0

@@ -35,7 +35,7 @@ for model in ("sp", "ls-step", "sp-paper"):
     "follow": """
 planner = tp.Planner(loud("pose"))
 plan, tick = planner.plan(patience=60.0), 0
-session, there = planner.follow(plan), plan.target.changed(x=plan.target.x + 0.06)
+session, there = tp.follow(planner, plan), plan.target.changed(x=plan.target.x + 0.06)
 while (sent := session.throw.samples) and session.update(
     1e-3 * tick, sent.q[tick], sent.dq[tick], there if tick > 40 else plan.target
 ).status not in ("committed", "stopped"):

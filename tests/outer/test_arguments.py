@@ -46,7 +46,7 @@ MISTAKES: list[tuple[Call, str]] = [
     (lambda pl, p: pl.plan(alternatives=99), "alternatives = 99"),
     (lambda pl, p: pl.plan(patience=0), "patience = 0"),
     (lambda pl, p: pl.plan(patience=math.nan), "patience = nan"),
-    (lambda pl, p: pl.follow(p, math.nan), "horizon = nan"),
+    (lambda pl, p: tp.follow(pl, p, math.nan), "horizon = nan"),
     (lambda pl, p: pl.prepare(0), "throws = 0"),
     (lambda pl, p: tp.sweep(p, samples=0), "samples = 0"),
     (lambda pl, p: tp.sweep(p, samples=2.5), "samples = 2.5"),

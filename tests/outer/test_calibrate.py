@@ -237,7 +237,7 @@ def test_warm_moving_and_followed_throws_have_the_bias_too():
         missed = bare.miss(one.goal)
         assert missed == pytest.approx((-BIAS[0], -BIAS[1]), abs=3e-3)
     # An arm that follows exactly, and a target that has jumped by 2 cm.
-    session, tick = planner.follow(plan, 0.02), 0
+    session, tick = tp.follow(planner, plan, 0.02), 0
     there = tp.Pose(x=1.22, z=0.1, theta=0.0)
     status = ""
     while status not in ("committed", "stopped"):

@@ -104,7 +104,7 @@ def test_a_region_that_moves_is_met_where_it_then_is(pose_planner) -> None:
 
 
 def test_a_swing_is_corrected_if_it_would_land_outside(loud_planner, plan) -> None:
-    session, samples = loud_planner.follow(plan), plan.throw.samples
+    session, samples = tp.follow(loud_planner, plan), plan.throw.samples
     inside = region(x=(1.1, 1.3), theta=(-0.3, 0.3))
     update = session.update(0.05, samples.q[50], samples.dq[50], inside)
     assert update.status == "kept" and session.throw is plan.throw.deciding

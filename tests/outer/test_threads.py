@@ -61,7 +61,8 @@ def run(planner: tp.Planner, first: tp.Plan, places: list[tp.Pose], expected: li
 
 def swing(planner: tp.Planner, plan: tp.Plan) -> list[tuple[str, float]]:
     """The updates of a swing to a target that is 4 mm farther than the plan's."""
-    session, target = planner.follow(plan), dataclasses.replace(plan.target, x=plan.target.x + 4e-3)
+    session = tp.follow(planner, plan)
+    target = dataclasses.replace(plan.target, x=plan.target.x + 4e-3)
     samples, said = plan.throw.samples, []
     for k in range(0, 200, 20):
         update = session.update(k / 1000, samples.q[k], samples.dq[k], target)

@@ -13,9 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models import Array, ReadOnly
-from ..ocp import CondensedQp, ReducedVariables, Refinement, Request, Solution
-from ..search import Budget, NlpCache, condensed_at, initial_guess_from, remaining_trajectory
-from ..throw import TICK, State, Throw
+from ...planner.ocp import CondensedQp, ReducedVariables, Refinement, Request, Solution
+from ...planner.search import (
+    Budget,
+    NlpCache,
+    condensed_at,
+    initial_guess_from,
+    remaining_trajectory,
+)
+from ...planner.throw import TICK, State, Throw
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from ...models import Array, Trajectory
+from ...planner.throw import TICK, Throw
 from ...problems import Pose
-from ..throw import TICK, Throw
 
 
 @dataclass(frozen=True, eq=False)

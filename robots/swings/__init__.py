@@ -1,4 +1,4 @@
 """A swing under way: its motion is corrected until the gripper is told to open."""
 
 from .joint_lag import Response
-from .session import Session, Update
+from .session import Session, Update, follow

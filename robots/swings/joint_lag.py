@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models import Array, ReadOnly
+from ...planner.throw import TICK
 from ...problems import InputError
-from ..throw import TICK
 
 #: Smallest and largest rate [1/s] of a joint's lag.
 RATES = (2.0, 500.0)

@@ -20,11 +20,12 @@ import numpy as np
 
 from ...models import Array, ReadOnly, Trajectory
 from ...models.robot import PlanarArm
+from ...planner.planner import Planner
+from ...planner.result import Plan, joint_samples
+from ...planner.search import NlpCache, error_over
+from ...planner.throw import TICK, Samples, Throw, braked
+from ...planner.verdict import Code, Finding, held_verdict, verdict
 from ...problems import InputError, Pose, checked
-from ..result import Plan, joint_samples
-from ..search import NlpCache, error_over
-from ..throw import TICK, Samples, Throw, braked
-from ..verdict import Code, Finding, held_verdict, verdict
 from .expected_throw import ExpectedThrow
 from .joint_lag import Follower, Response
 from .swing_changes import Direction, RestOfSwing
@@ -82,7 +83,7 @@ class Update(ReadOnly):
 
 
 class Session:
-    """A plan's swing while it is played; `Planner.follow` makes it.
+    """A plan's swing while it is played; `follow` makes it.
 
     throw: what is sent, as a throw of its own.
     """
@@ -393,3 +394,21 @@ class Session:
         joints = joint_samples(kinematics, self.throw.target.plane.azimuth, samples[first:])
         command = None if self._is_stopped else self.throw.command_time
         return Update(status, words, first, *joints, command, expected.off)
+
+
+def follow(
+    planner: Planner,
+    plan: Plan,
+    horizon: float = 0.02,
+    *,
+    sent: Throw | None = None,
+    response: Response | None = None,
+) -> Session:
+    """A session that corrects the swing of a solved plan of a planner until the hand opens.
+
+    Takes some tenths of a second, before the swing. horizon [s]: delay from a measurement until a
+    new command takes effect. sent: the motion sent to joints that lag, instead of the plan's;
+    response: their response, if known. InputError for a plan of another scene.
+    """
+    lag = checked("horizon", horizon, float, {"above": 0})
+    return planner.lend(plan, lambda problems: Session(problems, plan, lag, sent, response))
