@@ -316,6 +316,28 @@ INLINE void grip_use(const lane load[3], const lane limit[2], lane use[1])
     }
 }
 
+INLINE void box_lowest(const lane place[4], const lane box[3], lane lowest[1])
+{
+    LANES_APART
+    EACH_LANE {
+        double w0, w1, w2, w3;
+        w0 = place[1][l];
+        w1 = box[0][l];
+        w2 = place[3][l];
+        w1 = w1 * w2;
+        w3 = box[1][l];
+        w3 = w3 * w2;
+        w1 = w1 < w3 ? w1 : w3;
+        w0 = w0 + w1;
+        w1 = box[2][l];
+        w3 = place[2][l];
+        w3 = fabs(w3);
+        w1 = w1 * w3;
+        w0 = w0 - w1;
+        lowest[0][l] = w0;
+    }
+}
+
 INLINE void pivot_step(const lane state[6], const lane start[9], const lane middle[9], const lane end[9], const lane force[3], const lane dt[1], const lane law[8], lane next[6])
 {
     LANES_APART

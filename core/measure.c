@@ -118,10 +118,18 @@ INLINE void corner_of(const box *b, const pose *at, int k, lane x, lane z)
 
 INLINE void lowest_of(const box *b, const pose *at, lane z)
 {
+    lane place[4], numbers[3], lowest[1];
     EACH_LANE {
-        double end = LESSER(b->first * at->sin[l], b->last * at->sin[l]);
-        z[l] = at->z[l] + end - b->half * fabs(at->cos[l]);
+        place[0][l] = at->x[l];
+        place[1][l] = at->z[l];
+        place[2][l] = at->cos[l];
+        place[3][l] = at->sin[l];
+        numbers[0][l] = b->first;
+        numbers[1][l] = b->last;
+        numbers[2][l] = b->half;
     }
+    box_lowest(place, numbers, lowest);
+    EACH_LANE z[l] = lowest[0][l];
 }
 
 /* Squared distance of one box's corners from another, and whether they are apart along the other's

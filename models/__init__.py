@@ -22,6 +22,7 @@ from .body import (
     com_wrench,
     contact_twist,
     held_wrench,
+    lowest_point,
     pinch_use,
     pivot_wrench,
     read_only,

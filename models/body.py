@@ -222,6 +222,13 @@ def sticking_state(pose: Value, twist: Value, grasp_angle: Value, com_offset: Va
     return [x + x_r, z + z_r, angle, *com_twist(v_x, v_z, omega, x_r, z_r)]
 
 
+def lowest_point(z: Value, cos: Value, sin: Value, ends: tuple[Value, Value], half: Value) -> Value:
+    """Height [m] of a bar's lowest corner: of a rectangle along an axis with this cosine and sine,
+    between `ends` (before and behind the CoM at height z) and `half` [m] wide to either side."""
+    xp = backend(z, cos, sin)
+    return z + xp.minimum(ends[0] * sin, ends[1] * sin) - half * abs(cos)
+
+
 # Free flight; `write_core_laws` writes `after` and `fall_time` as C.
 
 

@@ -17,7 +17,16 @@ from pathlib import Path
 import casadi as ca
 
 from .backend import Value
-from .body import Body, Contact, FlightLaw, FlightState, HandSamples, pivot_wrench, sticking_state
+from .body import (
+    Body,
+    Contact,
+    FlightLaw,
+    FlightState,
+    HandSamples,
+    lowest_point,
+    pivot_wrench,
+    sticking_state,
+)
 from .release.cases import LOST_SLIP
 from .release.integrators import rk4_step
 from .release.limit_surface import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
@@ -62,7 +71,7 @@ _EXPRESSIONS = {
 
 def _link_functions() -> list[ca.Function]:
     sizes = {"joint": 6, "link": 2, "turned": 3, "body": 4, "gravity": 1, "push": 3, "held": 4}
-    sizes |= {"load": 3, "limit": 2}
+    sizes |= {"load": 3, "limit": 2, "place": 4, "box": 3}
     s = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     (s["hand"], samples), s["tool_length"] = _hand("hand"), ca.SX.sym("tool_length")
     joint, turned, twist = map(ca.vertsplit, (s["joint"], s["turned"], s["hand"][3:6]))
@@ -78,6 +87,9 @@ def _link_functions() -> list[ca.Function]:
     force, arm = ca.vertsplit(s["limit"])
     # A contact whose limits under a pad's force of 1 N are these.
     contact = Contact(friction=force, patch_radius=arm, torsion=1.0, faces=1.0)
+    _, z, cos, sin = ca.vertsplit(s["place"])
+    first, last, half = ca.vertsplit(s["box"])
+    lowest = lowest_point(z, cos, sin, (first, last), half)
     f_x, f_z, torsion = ca.vertsplit(s["load"])
     use = contact.utilisation_squared(f_x, f_z, torsion, 1.0)
     return [
@@ -87,6 +99,7 @@ def _link_functions() -> list[ca.Function]:
         _law("flange_velocity", s, "hand tool_length", velocity=velocity),
         _law("held_load", s, "hand held gravity", load=load),
         _law("grip_use", s, "load limit", use=[use]),
+        _law("box_lowest", s, "place box", lowest=[lowest]),
     ]
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ...core import Structure, array, library, out
-from ...models import Array, sticking_state
+from ...models import Array, lowest_point, sticking_state
 from ...models.robot import Tool, flange_velocity
 from ...problems import Scene, ThrownObject
 
@@ -33,7 +33,8 @@ def lowest_of_bar(bar: ThrownObject, com: Array) -> Array:
     if bar.outline:
         heights = outline_ends(bar, com)[1] - np.repeat(bar.capsules[:, 4], 2)
         return np.asarray(heights.min(axis=1))
-    return np.asarray(bar_outline(bar, com)[1].min(axis=1))
+    ends = -bar.com, bar.length - bar.com
+    return np.asarray(lowest_point(com[1], np.cos(com[2]), np.sin(com[2]), ends, bar.width / 2))
 
 
 def reach_of_bar(bar: ThrownObject) -> float:
