@@ -108,8 +108,6 @@ def _words(search: Search, nearest: Plan | None, binding: tuple[ActiveLimit, ...
     elif binding and search.bound is None:
         often = max(search.broken.values())
         words += f", {often} of them end at {binding_words(binding)}"
-    if search.reserves:
-        words += f"; a throw to the target has less room: {search.reserves}"
     if task.budget.late:
         words += "; patience cut the search, more may help"
     return words + target.angle_hint

@@ -100,8 +100,8 @@ class Search:
     """The search for throws to one target; warm: a solved throw to a target nearby.
 
     found: throws to the target that differ, see `distinct`; short: those that keep their limits
-    beside it, nearest first; broken: how often a limit ended a start without either; reserves:
-    what a throw to the target breaks that keeps all but margins; elastic: number of elastic starts.
+    beside it, nearest first; broken: how often a limit ended a start without either; elastic:
+    number of elastic starts.
     """
 
     context: SearchContext
@@ -110,7 +110,6 @@ class Search:
     found: list[Outcome] = field(default_factory=list)
     short: list[Outcome] = field(default_factory=list)
     broken: Counter[str] = field(default_factory=Counter)
-    reserves: str = ""
     elastic: int = 0
 
     @cached_property
@@ -137,8 +136,6 @@ class Search:
                 self.short = sorted([*self.short, one], key=attrgetter("missed"))
             else:
                 self.broken.update(one.broken)
-                if one.missed == 0.0 and one.verdict is not None and one.verdict.reserves:
-                    self.reserves = one.verdict.words
             if isinstance(start, Elastic):
                 gained = len(self.found) > before or self.least_miss < miss
                 vain = 0 if gained else vain + 1

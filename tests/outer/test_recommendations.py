@@ -81,6 +81,15 @@ def test_the_verdict_keeps_the_grip_s_margin(plan_of, name: str) -> None:
         assert judged.reserves == (not kept)
 
 
+def test_a_margin_that_holds_a_throw_short_is_named() -> None:
+    """As the grip's margin is nearly all of it, what lands nearest is held by the grip."""
+    scene = varied(tp.load_scene("near-cup"), gripper={"sticking_margin": 0.85}, cost={"quiet": 0.0})
+    plan = tp.Planner(scene, library=False).plan()
+    assert plan.status == "not_found"
+    (grip,) = [one for one in plan.binding if one.key == "[gripper] force"]
+    assert grip.advice in plan.message
+
+
 def test_a_scene_may_ask_for_more_and_the_plan_says_by_how_much() -> None:
     scene = tp.load_scene("pose")
     scene = varied(
