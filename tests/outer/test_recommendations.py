@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import varied
+from builders import loud, varied
 from throwplan.models.robot import SpatialArm
 from throwplan.planner.throw import TICK
 from throwplan.planner.verdict import Code, measures_of, verdict
@@ -83,7 +83,7 @@ def test_the_verdict_keeps_the_grip_s_margin(plan_of, name: str) -> None:
 
 def test_a_margin_that_holds_a_throw_short_is_named() -> None:
     """As the grip's margin is nearly all of it, what lands nearest is held by the grip."""
-    scene = varied(tp.load_scene("near-cup"), gripper={"sticking_margin": 0.85}, cost={"quiet": 0.0})
+    scene = varied(loud("near-cup"), gripper={"sticking_margin": 0.85})
     plan = tp.Planner(scene, library=False).plan()
     assert plan.status == "not_found"
     (grip,) = [one for one in plan.binding if one.key == "[gripper] force"]
