@@ -24,9 +24,8 @@ from .planner.result import (
     read_plan,
 )
 from .planner.show import draw_bars, draw_cup
-from .planner.simulation import simulate, simulate_batch
 from .planner.sweep import Sweep, sweep
-from .planner.throw import State
+from .planner.throw import State, simulate, simulate_batch
 from .planner.throw import Throw as SentThrow
 from .problems import (
     Calibration,

@@ -21,7 +21,7 @@ import numpy as np
 from throwplan import Plan, Planner, Pose, Scene, SentThrow
 from throwplan.models import Array, Trajectory
 from throwplan.planner.planner import SolverName
-from throwplan.planner.samples import carry
+from throwplan.planner.search.releases import carry
 from throwplan.planner.throw import (
     Limits,
     Manipulator,

@@ -14,10 +14,9 @@ from ..planner.planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planne
 from ..planner.reach import MAP_FILES, MOST, check_map, reach_map
 from ..planner.result import Plan, plan_of
 from ..planner.show import draw_releases, draw_scene
-from ..planner.simulation import simulate
 from ..planner.sweep import SWEEP_FILES, check_sweep
 from ..planner.sweep import sweep as sweep_plan
-from ..planner.throw import make_manipulator
+from ..planner.throw import make_manipulator, simulate
 from ..planner.workers import executor_of
 from ..problems import InputError, Scene
 from ..problems.files import copy_out, filling, write_json

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from ..models import Array
-from ..planner.clearance import SpatialScene
 from ..planner.throw import Limits, Samples, State, joint_limits, make_manipulator, transfer
 from ..planner.verdict import first_finding
+from ..planner.verdict.clearance import SpatialScene
 from ..problems.job_files import Jobs, Pick
 from .cycle import UnsolvedError
 from .inverse_kinematics import joint_rates

@@ -14,9 +14,9 @@ import numpy as np
 
 from ..models import Array
 from ..models.robot import Arm
-from ..planner.clearance import SpatialScene
 from ..planner.throw import Samples
 from ..planner.verdict import motion_verdict
+from ..planner.verdict.clearance import SpatialScene
 from ..problems import InputError
 
 #: Distance [rad] of solutions from the ends of the joints' ranges.

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from ..models import Indices
-from ..planner.clearance import SpatialScene
 from ..planner.throw import Samples
 from ..planner.verdict import Finding, approach_findings
+from ..planner.verdict.clearance import SpatialScene
 from ..problems.job_files import Jobs
 from .approach import approach_of
 from .connections import Connection, CycleThrow, at_rest, connection_between, still

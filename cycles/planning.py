@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ..models import Array
-from ..planner.clearance import SpatialScene
 from ..planner.planner import Planner
 from ..planner.result import Plan
 from ..planner.throw import State, make_manipulator
+from ..planner.verdict.clearance import SpatialScene
 from ..problems import InputError, Pose, Scene, checked
 from ..problems.job_files import Jobs, Pick
 from .approach import approach_of

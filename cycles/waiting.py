@@ -9,9 +9,9 @@ import numpy as np
 
 from ..models import Array
 from ..models.robot import segment_distance
-from ..planner.clearance import SpatialScene
 from ..planner.throw import Samples, Throw, make_manipulator
 from ..planner.verdict import measures_of, obstacles_hit
+from ..planner.verdict.clearance import SpatialScene
 from ..problems import InputError, Obstacle
 from ..problems.job_files import Jobs
 

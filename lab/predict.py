@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from ..models import Array, Body, FlightLaw, HandTrack, Indices, Trajectory
 from ..models.release import MODELS, ReleaseBatch
-from ..planner.simulation import named_model, recorded_joints
-from ..planner.throw import TICK
+from ..planner.throw import TICK, named_model, recorded_joints
 from ..problems import InputError, PadContact, checked
 from ..problems.throws import MeasuredThrow, ThrowData
 from .measured import measured

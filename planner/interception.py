@@ -16,7 +16,7 @@ import numpy as np
 from ..models import Trajectory
 from ..problems import Pose, Scene
 from .result import Plan, PlannedThrow
-from .samples import Releases, arrival
+from .search.releases import Releases, arrival
 from .throw import TICK, Samples, Throw
 from .verdict import verdict
 

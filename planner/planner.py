@@ -14,17 +14,24 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unp
 
 from ..problems import Cost, InputError, Pose, Scene, checked
 from ..problems.scene_files import as_scene
-from .clearance import check_obstacles
 from .interception import intercept
-from .library import Library, Turns
-from .planning import plan_throw
 from .reach import default_workers, grow
-from .resting import check_rest, resting
 from .result import Plan
-from .samples import Releases, ReleaseSampler, stored_releases
-from .search import Budget, NlpCache, SearchContext, Task, check_start, remaining_throw
-from .sweep import Hardening, choose, hardened, robust_scene
+from .search import (
+    Budget,
+    Library,
+    NlpCache,
+    SearchContext,
+    Task,
+    Turns,
+    check_start,
+    plan_throw,
+    remaining_throw,
+)
+from .search.releases import Releases, ReleaseSampler, stored_releases
+from .sweep import Hardening, check_rest, choose, hardened, resting, robust_scene
 from .throw import State, make_manipulator
+from .verdict.clearance import check_obstacles
 from .workers import Progress, executor_of
 
 SolverName = Literal["fatrop", "ipopt"]

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..models import Array
-from ..planner.clearance import SpatialScene, SweptBodies, bar_radii
 from ..planner.result import SentMotion
+from ..planner.verdict.clearance import SpatialScene, SweptBodies, bar_radii
 from .gripper import FORCES
 from .motions import arm_of, grasp_of, parts_of
 

@@ -13,10 +13,10 @@ import numpy as np
 from ..cycles import at_rest, joined, lifted_pose, raised_pose
 from ..models import Array, Trajectory
 from ..models.robot import Arm
-from ..planner.clearance import SpatialScene
 from ..planner.result import SentMotion
 from ..planner.throw import TICK, Samples, State, arm_excesses, joint_limits, transfer
 from ..planner.verdict import Code, motion_verdict
+from ..planner.verdict.clearance import SpatialScene
 from ..problems import InputError
 from .expectations import Expectations, swept_bodies
 from .franka import STILL, Franka, binding_errors

@@ -20,15 +20,6 @@ import casadi as ca
 import numpy as np
 
 from ..models import Array, FlightState, HandSamples, Trajectory, low_pass
-from ..planner.clearance import (
-    CollisionScene,
-    column_distance,
-    held_bar,
-    lowest_of_bar,
-    palm_corners,
-    palm_distance,
-    tool_speeds,
-)
 from ..planner.planner import Planner
 from ..planner.result import SentMotion
 from ..planner.throw import (
@@ -43,6 +34,15 @@ from ..planner.throw import (
     torque_uses,
 )
 from ..planner.verdict import Code, Finding, Verdict, verdict
+from ..planner.verdict.clearance import (
+    CollisionScene,
+    column_distance,
+    held_bar,
+    lowest_of_bar,
+    palm_corners,
+    palm_distance,
+    tool_speeds,
+)
 from ..problems import InputError, Scene, Torque
 from .recording import CUTOFF, Recording, interpolated
 from .swings import Response

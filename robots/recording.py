@@ -15,8 +15,7 @@ import numpy as np
 
 from ..models import Array, ReadOnly, Trajectory, low_pass
 from ..planner.result import SentMotion, write_table
-from ..planner.simulation import planar_joints
-from ..planner.throw import TICK, Throw
+from ..planner.throw import TICK, Throw, planar_joints
 from ..planner.verdict import Code, Finding, outside_tolerance, verdict
 from ..problems import InputError, Scene, ThrowPlane
 from ..problems.files import csv_lines, read_csv

@@ -21,14 +21,15 @@ from functools import cached_property, lru_cache, partial
 import numpy as np
 
 from ...problems import Pose, Scene
-from ..library import Library, Neighbour, Records
 from ..ocp import BASE, Optimum, ReducedVariables, Refinement, Request
-from ..samples import Releases, sparse_parents, starts
 from ..search import (
     Budget,
     Corrector,
     Exact,
+    Library,
+    Neighbour,
     NlpCache,
+    Records,
     Starts,
     Task,
     attempt,
@@ -36,6 +37,7 @@ from ..search import (
     optimum_of,
     quieted,
 )
+from ..search.releases import Releases, sparse_parents, starts
 from ..throw import make_manipulator
 from ..uncertainty import spread
 from ..workers import Progress, run_jobs

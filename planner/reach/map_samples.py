@@ -18,13 +18,12 @@ import numpy as np
 from ...models import Array, Flags
 from ...problems import InputError, Scene, checked
 from ...problems.scene_files import as_scene
-from ..clearance import held_bar, lowest_of_bar, palm_corners
-from ..library import Library
 from ..ocp import CUP_MARGINS, FLIGHT_MAX, PASSING_MARGIN
-from ..samples import Releases, ReleaseSampler, flies_past_column, highest, joined, run_up
-from ..search import check_start
+from ..search import Library, check_start
+from ..search.releases import Releases, ReleaseSampler, flies_past_column, highest, joined, run_up
 from ..throw import Limits, Manipulator, make_manipulator, outline
 from ..verdict import lands_well
+from ..verdict.clearance import held_bar, lowest_of_bar, palm_corners
 from ..workers import Progress
 from .maps import WIDTHS, Counts, ReachMap, places
 

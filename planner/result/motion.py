@@ -14,9 +14,9 @@ import numpy as np
 from ...models import Array, ReadOnly
 from ...models.robot import Arm, PlanarArm, SpatialArm
 from ...problems import Obstacle
-from ..clearance import SpatialScene
 from ..throw import TICK, Samples, Throw
 from ..verdict import Finding, Verdict, approach_findings, flight_findings, motion_verdict, verdict
+from ..verdict.clearance import SpatialScene
 from .files import joint_samples
 
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from ...models.robot import PlanarArm
 from ...problems import Pose, Scene
-from ..clearance import column_distance, reach_of_bar
 from ..result import Bound
 from ..throw import Manipulator, column_of
+from ..verdict.clearance import column_distance, reach_of_bar
 
 #: Poses of the target that are looked at, in x and in theta.
 GRID = 181

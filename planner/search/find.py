@@ -13,16 +13,16 @@ import numpy as np
 
 from ...interrupts import interrupts_deferred
 from ...problems import Pose
-from ..library import Library, Neighbour
 from ..ocp import Optimum, Refinement
 from ..result import Bound, PlannedThrow
-from ..samples import Releases
 from ..throw import Manipulator
 from .attempts import Elastic, Exact, Outcome, attempt, quieted
 from .bounds import bound_of
 from .guess import guess_of
+from .library import Library, Neighbour
 from .move import Corrector, optimum_of
 from .nlp_cache import NlpCache, Task
+from .releases import Releases
 from .starts import Starts
 
 

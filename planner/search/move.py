@@ -16,13 +16,13 @@ import numpy as np
 from ...core import Structure, array, library, out, sampled
 from ...models import Array, Trajectory
 from ...models.release import STEPPED_SURFACE, Release, compiled_release
-from ..library import Neighbour
 from ..ocp import CondensedQp, Margins, Optimum, ReducedVariables, Request, Solution, effort_of
 from ..result import PlannedThrow
 from ..throw import TICK, Samples, SmoothingError, Throw, case_of, send
 from ..verdict import verdict
 from .attempts import Exact, Outcome, accuracy, error_over
 from .guess import guess_of
+from .library import Neighbour
 from .nlp_cache import CompiledNlp, NlpCache, Task
 
 #: Most exact throws of one move, the first included.

@@ -12,9 +12,9 @@ from typing import Any, Literal
 
 from ...models import Array
 from ...problems import Pose, Scene
-from ..library import Turns
 from ..ocp import Refinement, Request, Solver, ThrowNlp, build_nlp, processor_time
 from ..throw import Manipulator
+from .library import Turns
 
 #: Most build time [s] that does not count against a plan's patience.
 FREE_BUILD_TIME = 1.5

@@ -11,10 +11,14 @@ import numpy as np
 
 from ...models import Array, Flags
 from ...problems import Pose
-from ..library import landing_errors
 from ..ocp import ThrowNlp
 from ..result import PlannedThrow
-from ..samples import (
+from ..throw import Manipulator, column_of
+from ..verdict import lands_well
+from .guess import guess_of
+from .library import landing_errors
+from .nlp_cache import Task
+from .releases import (
     UNMET,
     Releases,
     ReleaseSampler,
@@ -23,11 +27,7 @@ from ..samples import (
     kinds,
     sampled_throw,
 )
-from ..samples import starts as nearest_releases
-from ..throw import Manipulator, column_of
-from ..verdict import lands_well
-from .guess import guess_of
-from .nlp_cache import Task
+from .releases import starts as nearest_releases
 
 #: Number of nearest sampled releases of which starts are chosen.
 NEAR = 400

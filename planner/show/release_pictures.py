@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from ...models import Array
 from ...models.release import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
-from ..simulation import Simulation, given_hand
-from ..throw import case_of
+from ..throw import Simulation, case_of, given_hand
 from .drawings import draw_bars
 from .style import ARM, PHASES, new_figure, own_style, save
 from .throw_picture import hand_corners

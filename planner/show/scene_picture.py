@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..clearance import held_bar
 from ..throw import Manipulator
+from ..verdict.clearance import held_bar
 from .drawings import draw_bars, draw_cup
 from .style import ARM, BLACK, BLUE, GREEN, GREY, new_figure, own_style, save
 from .throw_picture import ARM_LINE, draw_surroundings, hand_corners, lay_out, name_obstacles

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Array, Indices
-from ..clearance import palm_corners
 from ..throw import column_of
 from ..verdict import grip_words
+from ..verdict.clearance import palm_corners
 from .drawings import bar_path, cup_profile, draw_bars, draw_cup
 from .style import (
     ARM,

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...models import Array, HandMotion, Indices, pivot_wrench
 from ...models.robot import PlanarArm, SpatialArm
-from ..clearance import bar_outline, held_bar
 from ..rest import rest_motion
 from ..throw import TICK, Manipulator
+from ..verdict.clearance import bar_outline, held_bar
 from .style import PHASES
 
 if TYPE_CHECKING:

@@ -4,6 +4,7 @@ An executor may spread chunks of throws over processes and machines without any 
 result.
 """
 
+from .rest_plans import check_rest, resting
 from .results import SWEEP_FILES, Sweep
 from .robust_plans import ROBUST_MESH, Hardening, choose, hardened, robust_scene
 from .running import check_sweep, sweep

@@ -15,8 +15,7 @@ from ...models import Array, Indices
 from ...models.release import BATCH_MODELS, MODELS
 from ...problems import InputError, checked
 from ..result import Plan, SavedThrow, plan_of
-from ..simulation import named_model
-from ..throw import ThrowBatch
+from ..throw import ThrowBatch, named_model
 from ..uncertainty import FURTHEST, Entries, Sampler, sampler_of, scan_delays
 from ..verdict import Judge, Verdicts
 from ..workers import Progress, run_jobs

@@ -7,5 +7,14 @@ from .batch import BatchFlights, ThrowBatch, flight_of
 from .loads import core_torques, friction_use, rest_torques, torque_limits, torque_uses
 from .manipulator import Limits, Manipulator, State, joint_limits, make_manipulator, outline
 from .sending import NO_SAMPLES, TICK, Samples, SmoothingError, braked, excesses, send
+from .simulation import (
+    Simulation,
+    given_hand,
+    named_model,
+    planar_joints,
+    recorded_joints,
+    simulate,
+    simulate_batch,
+)
 from .throw import EXACT, LandingPoint, Throw, case_of, column_of, core_scene, cup_entries
 from .transfers import Transfer, arm_excesses, transfer

@@ -9,8 +9,8 @@ import numpy as np
 from ...models import Array, PinchUse, pinch_use
 from ...models.robot import PadMotion
 from ...problems import InputError
-from ..clearance import SpatialScene
 from ..throw import Samples
+from .clearance import SpatialScene
 from .findings import Code, Finding
 
 #: Parts of the use of a pinch, in words.

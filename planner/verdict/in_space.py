@@ -13,9 +13,9 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import PadMotion, segment_distance
-from ..clearance import BAR, Clearance, SpatialScene, bar_ends, bar_radii
 from ..throw import TICK, Samples, Throw, arm_excesses
 from .carry import grip_findings
+from .clearance import BAR, Clearance, SpatialScene, bar_ends, bar_radii
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .motion import FLYING, NEAR, collision
 

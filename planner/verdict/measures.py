@@ -12,8 +12,8 @@ import numpy as np
 
 from ...core import Structure, array, columns_of, library, out, rows
 from ...models import Array, Indices, ReadOnly
-from ..clearance import Clearance, CollisionScene
 from ..throw import TICK, BatchFlights, Throw, core_scene, core_torques, flight_of
+from .clearance import Clearance, CollisionScene
 
 #: Longest interval [s] between instants at which the grip is looked at before the opening.
 GRIP_STEP = 0.002

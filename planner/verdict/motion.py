@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ...problems import Scene
-from ..clearance import Clearance, CollisionScene, held_bar
 from ..throw import Manipulator, Samples, excesses
+from .clearance import Clearance, CollisionScene, held_bar
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 
 #: Allowed violation [m] of a clearance: covers rounding.

@@ -14,8 +14,8 @@ import numpy as np
 
 from ...models import Array, Flags, FlightState, ReadOnly
 from ...problems import Pose, Tolerance
-from ..clearance import BAR
 from ..throw import BatchFlights, Throw, ThrowBatch, column_of, flight_of, torque_limits
+from .clearance import BAR
 from .findings import Code, Finding, Verdict, excused
 from .landing import LandingStates, LimitUse, landing_uses, least_cup_clearance, tolerance_uses
 from .measures import Measures, measures_of

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import varied
-from throwplan.planner.library import Library
+from throwplan.planner.search import Library
 from throwplan.planner.throw import make_manipulator
 from throwplan.problems import Choice, Cost
 

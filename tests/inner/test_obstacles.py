@@ -15,10 +15,10 @@ import throwplan as tp
 from builders import varied
 from throwplan.models import Trajectory
 from throwplan.models.robot import LinkCapsule
-from throwplan.planner.clearance import Clearance, CollisionScene, held_bar, overlap
 from throwplan.planner.show import serving, space_motion
 from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.verdict import collision, measures_of
+from throwplan.planner.verdict.clearance import Clearance, CollisionScene, held_bar, overlap
 from throwplan.problems import Obstacle
 
 from oracle import oracle_of, shapes

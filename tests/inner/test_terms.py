@@ -10,9 +10,9 @@ import pytest
 import throwplan as tp
 from builders import loud, nlp_of, varied
 from throwplan.models import FlightLaw, FlightState
-from throwplan.planner.clearance import bar_outline
 from throwplan.planner.throw import Throw, cup_entries, make_manipulator
 from throwplan.planner.verdict import Code, measures_of, verdict
+from throwplan.planner.verdict.clearance import bar_outline
 from throwplan.problems import Landing, Torque
 
 G = 9.81

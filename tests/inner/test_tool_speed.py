@@ -9,7 +9,7 @@ import pytest
 import throwplan as tp
 from builders import varied
 from throwplan.models.robot import SpatialArm
-from throwplan.planner.samples import ReleaseSampler
+from throwplan.planner.search.releases import ReleaseSampler
 from throwplan.planner.throw import make_manipulator
 from throwplan.planner.verdict import Code, measures_of, verdict
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import nlp_of
-from throwplan.planner.clearance import column_distance, lowest_of_bar
 from throwplan.planner.verdict import Code, verdict
+from throwplan.planner.verdict.clearance import column_distance, lowest_of_bar
 
 trimesh = pytest.importorskip("trimesh")
 

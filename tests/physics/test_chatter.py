@@ -13,8 +13,7 @@ from throwplan.models.release import (
     SlidingPivotRelease,
     SteppedRelease,
 )
-from throwplan.planner.simulation import given_hand
-from throwplan.planner.throw import case_of
+from throwplan.planner.throw import case_of, given_hand
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ..problems import Pose
-from .ocp import Request
-from .result import ActiveLimit, Plan, PlannedThrow, binding_words
-from .search import Outcome, Search, SearchContext, Task
+from ...problems import Pose
+from ..ocp import Request
+from ..result import ActiveLimit, Plan, PlannedThrow, binding_words
+from .attempts import Outcome
+from .find import Search, SearchContext
+from .nlp_cache import Task
 
 #: Throws among which one like the throws of [calibration] is looked for.
 OTHERS = 4

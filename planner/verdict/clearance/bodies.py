@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ...core import Structure, array, library, out, rows, structures
-from ...models import Array, sticking_state
-from ...models.robot import ArmCapsules, Solid, segment_distance, shape_overlaps
-from ...problems import InputError, Scene, ThrownObject, ThrowPlane
-from ..throw import Manipulator
+from ....core import Structure, array, library, out, rows, structures
+from ....models import Array, sticking_state
+from ....models.robot import ArmCapsules, Solid, segment_distance, shape_overlaps
+from ....problems import InputError, Scene, ThrownObject, ThrowPlane
+from ...throw import Manipulator
 from .outlines import bar_ends, held_bar
 
 #: Time [s] before the landing in which the bar may be as near to an obstacle as at the landing.

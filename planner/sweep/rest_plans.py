@@ -11,14 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..models import Array, Flags, FlightLaw, Indices
-from ..problems import InputError, Pose, Scene
-from .ocp import Refinement
-from .planning import solved_plan
-from .rest import entry_states, floor_of, load_mujoco, roll_to_rest
-from .result import Plan
-from .search import Budget, Exact, SearchContext, Starts, Task, attempt, guess_of
-from .uncertainty import RestingThrow
+from ...models import Array, Flags, FlightLaw, Indices
+from ...problems import InputError, Pose, Scene
+from ..ocp import Refinement
+from ..rest import entry_states, floor_of, load_mujoco, roll_to_rest
+from ..result import Plan
+from ..search import Budget, Exact, SearchContext, Starts, Task, attempt, guess_of, solved_plan
+from ..uncertainty import RestingThrow
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from ...core import Structure, array, library, out
-from ...models import Array, lowest_point, sticking_state
-from ...models.robot import Tool, flange_velocity
-from ...problems import Scene, ThrownObject
+from ....core import Structure, array, library, out
+from ....models import Array, lowest_point, sticking_state
+from ....models.robot import Tool, flange_velocity
+from ....problems import Scene, ThrownObject
 
 
 def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:

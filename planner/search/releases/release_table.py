@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, Flags, FlightLaw, FlightState, ReadOnly
-from ...problems import Pose, Scene
+from ....models import Array, Flags, FlightLaw, FlightState, ReadOnly
+from ....problems import Pose, Scene
 from ..library import Turns, nearest_landings
 
 

@@ -41,7 +41,7 @@ from ...models.robot import Arm, PlanarArm, hand_motion
 from ...problems import InputError, Motion, Scene, checked
 from ...problems.files import plain
 from ...problems.scene_files import as_scene, load_scene
-from ..throw import LandingPoint, case_of
+from .throw import LandingPoint, case_of
 
 #: Largest angle [rad] between the arm's posture and a recorded joint that does not throw.
 POSTURE_ROOM = 0.05

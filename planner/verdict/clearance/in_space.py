@@ -9,10 +9,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ...models import Array, read_only
-from ...models.robot import PadMotion, PlanarArm, Solid, SpatialArm
-from ...problems import Obstacle, Scene, ThrowPlane
-from ..throw import Manipulator
+from ....models import Array, read_only
+from ....models.robot import PadMotion, PlanarArm, Solid, SpatialArm
+from ....problems import Obstacle, Scene, ThrowPlane
+from ...throw import Manipulator
 from .bodies import CollisionScene, KeepOut, SweptBodies, bar_radii
 from .outlines import bar_ends, held_bar
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models import Array, Indices
+from ....models import Array, Indices
 from .release_table import Releases, joined
 from .sampling import ReleaseSampler
 

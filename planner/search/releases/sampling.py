@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cache import cache_folder, keep, kept
-from ...models import Array, Flags, HandSamples, Indices, Trajectory
-from ...models.release import MODELS, SLIDING_PIVOT, ReleaseBatch
-from ...problems import Scene
-from ..clearance import tool_speeds
+from ....cache import cache_folder, keep, kept
+from ....models import Array, Flags, HandSamples, Indices, Trajectory
+from ....models.release import MODELS, SLIDING_PIVOT, ReleaseBatch
+from ....problems import Scene
+from ...ocp import BRAKE_SHARE
+from ...throw import Manipulator, friction_use
+from ...verdict.clearance import tool_speeds
 from ..library import digest_of
-from ..ocp import BRAKE_SHARE
-from ..throw import Manipulator, friction_use
 from .release_table import ARRAYS, Releases, joined
 from .run_ups import clears_carried, clears_thrown, run_up
 
