@@ -4,8 +4,8 @@ BIN := .venv/bin
 PIP := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/pip install --quiet --disable-pip-version-check
 # Strict: the type checker sees what a wheel would hold, not the whole folder.
 EDITABLE := --config-settings editable_mode=strict --editable
-FILES := pyproject.toml constraints.txt $(wildcard *.py core/*.[ch] problems/*/*.toml \
-	$(foreach d,core models problems planner cli cycles lab robots,$d/*.py $d/*/*.py $d/*/*/*.py))
+FILES := pyproject.toml constraints.txt $(wildcard *.py core/*.[ch] */*/*.toml \
+	$(foreach d,core models problems planner cli cycles lab pictures robots,$d/*.py $d/*/*.py $d/*/*/*.py))
 
 # Two processes; the tests of a file stay together, for the plans that they share.
 PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses 2 --dist loadfile

@@ -110,10 +110,9 @@ class Wheel(bdist_wheel):
         return "py3", "none", super().get_tag()[2]
 
 
-FOLDERS = [
-    f"{name}*"
-    for name in ("core", "models", "planner", "problems", "cli", "cycles", "lab", "robots")
-]
+HEART = ("core", "models", "planner", "problems")
+ROOMS = ("cli", "cycles", "lab", "pictures", "robots")
+FOLDERS = [f"{name}*" for name in HEART + ROOMS]
 # Called so, the script is no module of the package.
 setup(
     packages=["throwplan", *(f"throwplan.{name}" for name in find_packages(include=FOLDERS))],

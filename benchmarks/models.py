@@ -25,7 +25,7 @@ from throwplan.models.release import (
     SteppedRelease,
 )
 from throwplan.models.release.patch import PatchRelease
-from throwplan.planner.show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Row, Table, shown
+from throwplan.pictures import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Row, Table, shown
 
 from .measure import least_time, pareto, quantiles
 from .page import Effort, Picture, ReportSection, number, panels

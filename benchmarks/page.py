@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from throwplan.planner.show import Table, new_figure, save
+from throwplan.pictures import Table, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis

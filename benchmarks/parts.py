@@ -24,7 +24,7 @@ from throwplan import (
     load_scene,
     scene_names,
 )
-from throwplan.planner.show import BLUE, GREEN, Row, Table
+from throwplan.pictures import BLUE, GREEN, Row, Table
 
 from .measure import planning_time, without_machine_code
 from .page import Effort, Picture, ReportSection, number, panels

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from throwplan import Plan, Planner, Pose, Scene, load_scene
 from throwplan.models import Array
+from throwplan.pictures import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Row, Table
 from throwplan.planner.planner import SolverName
-from throwplan.planner.show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Row, Table
 
 from .measure import (
     pareto,

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from throwplan import Plan, Planner, Pose, ReachMap, SentThrow, load_scene, reach_map
-from throwplan.planner.show import Row, Table, shown
+from throwplan.pictures import Row, Table, shown
 from throwplan.planner.throw import send
 from throwplan.planner.verdict import verdict
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import numpy as np
 from throwplan import Cup, Object, Plan, Planner, Region, Rest, Scene, load_scene
+from throwplan.pictures import Row, Table
 from throwplan.planner.rest import entry_states, roll_to_rest
 from throwplan.planner.search.releases import ReleaseSampler
-from throwplan.planner.show import Row, Table
 from throwplan.planner.uncertainty import Entries, count_rests
 from throwplan.planner.verdict import lands_well
 

@@ -20,7 +20,7 @@ from throwplan import (
     load_scene,
     sweep,
 )
-from throwplan.planner.show import BLACK, BLUE, GREY, RED, Row, Table, shown
+from throwplan.pictures import BLACK, BLUE, GREY, RED, Row, Table, shown
 
 from .measure import reachable_targets
 from .page import Effort, Picture, ReportSection, number, panels

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from throwplan.planner.show import own_style
+from throwplan.pictures import own_style
 from throwplan.problems.files import filling
 
 from . import models, parts, planner, reach, rest, robust, search, stability, summary, swings

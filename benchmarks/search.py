@@ -9,8 +9,8 @@ from unittest.mock import patch
 
 import numpy as np
 from throwplan import Cost, Plan, Planner, Pose, load_scene, reach_map
+from throwplan.pictures import Row, Table
 from throwplan.planner.search import SETTINGS
-from throwplan.planner.show import Row, Table
 
 from .measure import quantiles
 from .page import Effort, ReportSection

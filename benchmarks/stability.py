@@ -9,9 +9,9 @@ import functools
 import numpy as np
 from throwplan import Plan, Planner, load_scene, scene_names
 from throwplan.models import Array
+from throwplan.pictures import Row, Table
 from throwplan.planner.ocp import ThrowNlp
 from throwplan.planner.search import Exact, Starts, Task, attempt
-from throwplan.planner.show import Row, Table
 
 from .extremes import PATIENCE, CaseOutcome, cases, outcomes, some
 from .judge import judge

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from throwplan import Planner, replay
 from throwplan.models.release import STEPPED_SURFACE
-from throwplan.planner.show import BLACK, BLUE, GREEN, ORANGE, Row, Table
+from throwplan.pictures import BLACK, BLUE, GREEN, ORANGE, Row, Table
 
 from .models import MODEL, TIME
 from .page import Effort, Picture, ReportSection, panels

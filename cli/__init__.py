@@ -18,33 +18,15 @@ import threading
 import warnings
 from collections.abc import Sequence
 
-from .. import __version__
+from .. import __version__, cycles, lab, pictures, robots
 from ..core import CoreError
 from ..interrupts import INTERRUPTED
 from ..problems import InputError
-from . import cycles, import_object, import_robot, measured, robots, saved_plans, scenes
-from .common import DONE, WRONG_INPUT, Parser, Progress, fail
+from ..terminal import DONE, WRONG_INPUT, Parser, Progress, fail
+from . import scenes
 
 #: The functions of each command, in the order of the help.
-COMMANDS = {
-    "scenes": (scenes.scenes_arguments, scenes.scenes),
-    "plan": (scenes.plan_arguments, scenes.plan),
-    "simulate": (scenes.simulate_arguments, scenes.simulate_models),
-    "map": (scenes.map_arguments, scenes.map_landings),
-    "prepare": (scenes.prepare_arguments, scenes.prepare),
-    "sweep": (scenes.sweep_arguments, scenes.sweep),
-    "cycle": (cycles.cycle_arguments, cycles.cycle),
-    "view": (saved_plans.view_arguments, saved_plans.view),
-    "play": (saved_plans.play_arguments, saved_plans.play),
-    "replay": (saved_plans.replay_arguments, saved_plans.replay),
-    "run": (robots.run_arguments, robots.run),
-    "correct": (robots.correct_arguments, robots.correct),
-    "export": (saved_plans.export_arguments, saved_plans.export),
-    "import-robot": (import_robot.arguments, import_robot.run),
-    "import-object": (import_object.arguments, import_object.run),
-    "identify": (measured.identify_arguments, measured.identify_models),
-    "calibrate": (measured.calibrate_arguments, measured.calibrate_scene),
-}
+COMMANDS = scenes.COMMANDS | cycles.COMMANDS | pictures.COMMANDS | robots.COMMANDS | lab.COMMANDS
 #: Longest time [s] of functions that are registered for the exit.
 EXIT_TIME = 2.0
 #: Longest word [characters] of a printed message; longer words are cut.

@@ -5,25 +5,43 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from .. import pictures
+from ..cycles import jobs_names, jobs_text
 from ..interrupts import INTERRUPTED
-from ..models.release import BATCH_MODELS, MODELS
-from ..planner.planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner
-from ..planner.reach import MAP_FILES, MOST, check_map, reach_map
-from ..planner.result import Plan, plan_of
-from ..planner.show import draw_releases, draw_scene
-from ..planner.sweep import SWEEP_FILES, check_sweep
-from ..planner.sweep import sweep as sweep_plan
-from ..planner.throw import make_manipulator, simulate
-from ..planner.workers import executor_of
-from ..problems import InputError, Scene
-from ..problems.files import copy_out, filling, write_json
-from ..problems.job_files import jobs_names, jobs_text
-from ..problems.keys import scene_keys
-from ..problems.scene_files import load_scene, scene_names, scene_text
-from .common import (
+from ..models import BATCH_MODELS, MODELS
+from ..planner import (
+    MAP_FILES,
+    MOST,
+    MOST_ALTERNATIVES,
+    MOST_PREPARED,
+    PREPARED,
+    SWEEP_FILES,
+    Plan,
+    Planner,
+    check_map,
+    check_sweep,
+    executor_of,
+    make_manipulator,
+    plan_of,
+    reach_map,
+    simulate,
+)
+from ..planner import sweep as sweep_plan
+from ..problems import (
+    InputError,
+    Scene,
+    copy_out,
+    filling,
+    load_scene,
+    scene_names,
+    scene_text,
+    write_json,
+)
+from ..terminal import (
     DONE,
     Add,
     Progress,
@@ -43,6 +61,7 @@ from .common import (
     target_of,
     written,
 )
+from .keys import scene_keys
 
 #: Sampled throws of a drawn scene's reach.
 DRAWN = 20_000
@@ -70,7 +89,7 @@ def scenes(options: argparse.Namespace) -> int:
     if options.keys + (options.write is not None) + (options.draw is not None) > 1:
         raise InputError("--write, --draw and --keys: give one of them")
     if options.draw is not None:
-        path = _draw(load_scene(options.draw), force=options.force)
+        path = _draw(_scene(options.draw), force=options.force)
         print_result(options, {"file": str(path)}, f"wrote {path}")
     elif options.keys:
         text = scene_keys()
@@ -95,6 +114,13 @@ def scenes(options: argparse.Namespace) -> int:
     return DONE
 
 
+def _scene(source: str) -> Scene:
+    """A scene; InputError that says so where the name is that of jobs."""
+    if source in jobs_names():
+        raise InputError(f"no scene '{source}': these are jobs, for throwplan cycle")
+    return load_scene(source)
+
+
 def _draw(scene: Scene, *, force: bool) -> Path:
     """Draw a scene as a PNG file in this folder; returns its path."""
     path = Path(Path(f"{scene.name}.png").name)
@@ -106,7 +132,8 @@ def _draw(scene: Scene, *, force: bool) -> Path:
         found = reach_map(scene, samples=DRAWN).x
     reach = (float(found.min()), float(found.max())) if found.size else None
     with filling(Path.cwd(), (path.name,), "--draw") as scratch:
-        draw_scene(scene, make_manipulator(scene), reach, scratch / path.name)
+        figure = pictures.draw_scene(scene, make_manipulator(scene), reach)
+        pictures.save_figure(figure, scratch / path.name)
     return path
 
 
@@ -131,7 +158,7 @@ def plan(options: argparse.Namespace) -> int:
 
     example: throwplan plan cup --target 0.92 0.22 -90 --out out/cup
     """
-    scene = load_scene(options.scene)
+    scene = _scene(options.scene)
     target, alternatives = target_of(scene, options), options.alternatives
     with Progress(f"{scene.name}: building the problem"):
         planner = Planner(scene)
@@ -146,7 +173,7 @@ def plan(options: argparse.Namespace) -> int:
             alternatives=alternatives,
             patience=options.patience,
         )
-    found = save_out(options, scene.name, found.save) or found
+    save_out(options, scene.name, found.save, partial(pictures.save, found))
     text = plan_text(found) + written(options)
     if found.solved and len(found.alternatives) < alternatives:
         text += f"\n  found no more of {alternatives} alternatives: all starts lead to these throws"
@@ -168,7 +195,7 @@ def simulate_models(options: argparse.Namespace) -> int:
 
     example: throwplan simulate drop --model sp
     """
-    scene = load_scene(options.scene)
+    scene = _scene(options.scene)
     with Progress(f"{scene.name}: throwing"):
         runs = simulate(scene, options.model)
     models = {name: run.to_dict() for name, run in runs.items()}
@@ -177,7 +204,7 @@ def simulate_models(options: argparse.Namespace) -> int:
         names = filling(Path(options.out), ("simulation.json", "releases.png"))
         with Progress(f"{scene.name}: drawing"), names as scratch:
             write_json(scratch / "simulation.json", result)
-            draw_releases(scene, runs, scratch / "releases.png")
+            pictures.save_figure(pictures.draw_releases(scene, runs), scratch / "releases.png")
     print_result(options, result, _simulation_text(scene.name, models) + notes(scene))
     return DONE
 
@@ -229,7 +256,7 @@ def map_landings(options: argparse.Namespace) -> int:
     """
     z, samples = options.z, options.samples
     check_map(z, samples, "--")
-    scene = load_scene(options.scene)
+    scene = _scene(options.scene)
     # Refuse a scene that cannot be planned before making a folder.
     make_manipulator(scene)
     prepare_out(options, MAP_FILES)
@@ -239,7 +266,8 @@ def map_landings(options: argparse.Namespace) -> int:
         if options.json:
             print_result(options, result.to_dict(), "")
         return fail(result.message)
-    file = save_out(options, scene.name, result.save)
+    save_out(options, scene.name, result.save, partial(pictures.save, result))
+    file = None if options.out is None else Path(options.out) / "map.npz"
     print_result(options, result.to_dict(file), result.summary() + notes(scene) + written(options))
     return DONE
 
@@ -258,7 +286,7 @@ def prepare(options: argparse.Namespace) -> int:
 
     example: throwplan prepare pose --throws 5000
     """
-    scene = load_scene(options.scene)
+    scene = _scene(options.scene)
     name, requested, started = scene.name, options.throws, time.perf_counter()
     planner = Planner(scene)
     library, before = planner.library, planner.prepared
@@ -339,7 +367,7 @@ def sweep(options: argparse.Namespace) -> int:
     """
     samples, seed = options.samples, options.seed
     saved = _saved_plan(options)
-    scene = load_scene(options.scene) if saved is None else saved.scene
+    scene = _scene(options.scene) if saved is None else saved.scene
     model = options.model or scene.tolerance.model
     check_sweep(samples, seed, model, "--")
     target = target_of(scene, options) if saved is None else None
@@ -358,10 +386,21 @@ def sweep(options: argparse.Namespace) -> int:
             return fail(found.message)
         with Progress(scene.name) as progress:
             outcome = sweep_plan(found, samples, seed, model, executor, progress)
-    save_out(options, scene.name, outcome.save)
+    save_out(options, scene.name, outcome.save, partial(pictures.save, outcome))
     result = outcome.to_dict()
     advice = ""
     if found.target.at_rest and not found.robust and result["success"]["rate"] < 0.9:
         advice = "\n  plan with --robust to raise the success rate"
     print_result(options, result, outcome.summary() + advice + notes(scene) + written(options))
     return DONE
+
+
+#: The functions of each command.
+COMMANDS = {
+    "scenes": (scenes_arguments, scenes),
+    "plan": (plan_arguments, plan),
+    "simulate": (simulate_arguments, simulate_models),
+    "map": (map_arguments, map_landings),
+    "prepare": (prepare_arguments, prepare),
+    "sweep": (sweep_arguments, sweep),
+}

@@ -10,12 +10,19 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from ..models import Array
-from ..planner.throw import Limits, Samples, State, joint_limits, make_manipulator, transfer
-from ..planner.verdict import first_finding
-from ..planner.verdict.clearance import SpatialScene
-from ..problems.job_files import Jobs, Pick
+from ..planner import (
+    Limits,
+    Samples,
+    SpatialScene,
+    State,
+    first_finding,
+    joint_limits,
+    make_manipulator,
+    transfer,
+)
 from .cycle import UnsolvedError
 from .inverse_kinematics import joint_rates
+from .job_files import Jobs, Pick
 
 #: Length [m] of the way.
 LENGTH = 0.05

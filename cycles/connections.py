@@ -11,10 +11,26 @@ from functools import cached_property
 import numpy as np
 
 from ..models import Array
-from ..planner.result import Plan, joint_samples, part_thrown, sent_throw
-from ..planner.throw import TICK, Limits, Samples, State, Throw, Transfer, joint_limits, transfer
-from ..planner.verdict import Code, Finding, first_finding, flight_findings, flight_gaps
-from ..planner.verdict.clearance import SpatialScene
+from ..planner import (
+    TICK,
+    Code,
+    Finding,
+    Limits,
+    Plan,
+    Samples,
+    SpatialScene,
+    State,
+    Throw,
+    Transfer,
+    first_finding,
+    flight_findings,
+    flight_gaps,
+    joint_limits,
+    joint_samples,
+    part_thrown,
+    sent_throw,
+    transfer,
+)
 from .inverse_kinematics import joint_rates
 
 #: Shares of the limits on velocity, and on acceleration and jerk, that are tried.

@@ -9,22 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from ..models import ReadOnly
-from ..planner.result import (
+from ..planner import (
+    TICK,
     SentMotion,
     allowed,
     assumed_words,
+    calibrated_landing,
     carry_entries,
     exceeded_entries,
     exceeded_words,
     saved_entries,
+    warnings,
     write_motion,
 )
-from ..planner.throw import TICK
-from ..planner.uncertainty import warnings
-from ..planner.verdict import calibrated_landing
-from ..problems import Scene
-from ..problems.files import filling, plain, write_json
-from .picture import draw_cycle
+from ..problems import InputError, Scene, filling, plain, write_json
 
 #: What is known of the order of picks, in words.
 ORDERS = {"given": "as given", "exact": "the fastest of all"}
@@ -106,7 +104,7 @@ class Cycle(ReadOnly):
         return found
 
     def save(self, folder: str | Path) -> None:
-        """Write cycle.json and, if it is solved, motion.csv and cycle.png.
+        """Write cycle.json and, if it is solved, motion.csv.
 
         motion.csv: all joints at 1 kHz, and `gripper`: 1 while it is to be closed, 0 open.
         InputError if the folder cannot be written, which then stays as it was.
@@ -115,10 +113,14 @@ class Cycle(ReadOnly):
         with filling(Path(folder), CYCLE_FILES) as scratch:
             if self.motion is not None and self.solved:
                 write_motion(self.motion, scratch / "motion.csv")
-                title = f"{self.name}: {self.message}"
-                draw_cycle(self.motion, title, scratch / "cycle.png")
             saved = self.motion if self.solved else None
             write_json(scratch / "cycle.json", saved_entries(saved, document))
+
+    def sent_motion(self) -> SentMotion:
+        """The motion that is sent; InputError for a cycle that is not solved."""
+        if self.motion is None:
+            raise InputError(f"{self.name}: the cycle is not solved: {self.refused}")
+        return self.motion
 
     def summary(self) -> str:
         """The cycle as lines for people."""

@@ -17,8 +17,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ..models import Indices
-from ..planner.throw import TICK, Limits, Samples, State, Transfer, joint_limits, transfer
-from ..planner.verdict import first_finding
+from ..planner import TICK, Limits, Samples, State, Transfer, first_finding, joint_limits, transfer
 from .approach import Approach
 from .connections import (
     Connection,

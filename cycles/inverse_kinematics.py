@@ -13,11 +13,8 @@ import casadi as ca
 import numpy as np
 
 from ..models import Array
-from ..models.robot import Arm
-from ..planner.throw import Samples
-from ..planner.verdict import motion_verdict
-from ..planner.verdict.clearance import SpatialScene
-from ..problems import InputError
+from ..planner import Samples, SpatialScene, motion_verdict
+from ..problems import Arm, InputError
 
 #: Distance [rad] of solutions from the ends of the joints' ranges.
 MARGIN = 0.05

@@ -9,14 +9,12 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from ..models import Indices
-from ..planner.throw import Samples
-from ..planner.verdict import Finding, approach_findings
-from ..planner.verdict.clearance import SpatialScene
-from ..problems.job_files import Jobs
+from ..planner import Finding, Samples, SpatialScene, approach_findings
 from .approach import approach_of
 from .connections import Connection, CycleThrow, at_rest, connection_between, still
 from .cycle import UnsolvedError
 from .entrance import enter_connection
+from .job_files import Jobs
 from .order import best_order
 from .waiting import WaitingObjects
 

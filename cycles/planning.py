@@ -9,16 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ..models import Array
-from ..planner.planner import Planner
-from ..planner.result import Plan
-from ..planner.throw import State, make_manipulator
-from ..planner.verdict.clearance import SpatialScene
+from ..planner import Plan, Planner, SpatialScene, State, make_manipulator
 from ..problems import InputError, Pose, Scene, checked
-from ..problems.job_files import Jobs, Pick
 from .approach import approach_of
 from .connections import CycleThrow, at_rest
 from .cycle import Cycle, UnsolvedError
 from .inverse_kinematics import HandPose, inverse_kinematics
+from .job_files import Jobs, Pick
 from .network import Network
 from .sequence import sequence
 from .waiting import WaitingObjects

@@ -6,11 +6,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from ..planner.result import Carry, SentMotion, part_thrown
-from ..planner.throw import TICK
-from ..problems.job_files import Jobs
+from ..planner import TICK, Carry, SentMotion, part_thrown
 from .connections import Connection, CycleThrow, Option, joined, still
 from .cycle import UnsolvedError
+from .job_files import Jobs
 
 if TYPE_CHECKING:
     from .network import Network

@@ -8,12 +8,17 @@ from collections.abc import Collection
 import numpy as np
 
 from ..models import Array
-from ..models.robot import segment_distance
-from ..planner.throw import Samples, Throw, make_manipulator
-from ..planner.verdict import measures_of, obstacles_hit
-from ..planner.verdict.clearance import SpatialScene
+from ..planner import (
+    Samples,
+    SpatialScene,
+    Throw,
+    make_manipulator,
+    measures_of,
+    obstacles_hit,
+    segment_distance,
+)
 from ..problems import InputError, Obstacle
-from ..problems.job_files import Jobs
+from .job_files import Jobs
 
 
 class WaitingObjects:

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from ..models import Array, ReadOnly
-from ..problems import Distribution, PadContact, Scene, Uncertainty
-from ..problems.files import toml_lines
-from ..problems.throws import Shared
+from ..problems import Distribution, PadContact, Scene, Uncertainty, toml_lines
 from .predict import BASE, UNKNOWNS, parameter_sets
+from .throws import Shared
 
 #: Standard deviations that a scene does not give: relative ones, and the delay's [s]. The radius of
 #: real sliders was off by -29 to 19 % from geometry (the report, friction laws on real pushes).

@@ -9,17 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..models import Array, Flags
-from ..models.release import MODELS
-from ..planner.show import BLUE, GREEN, GREY, RED, new_figure, own_style, save
-from ..planner.verdict import region_words
-from ..planner.workers import Progress
-from ..problems import Calibration, InputError, Scene, checked
-from ..problems.files import filling, write_json
-from ..problems.scene_files import as_scene
-from ..problems.throws import ThrowData, load_throws
+from ..models import MODELS, Array, Flags
+from ..pictures import BLUE, GREEN, GREY, RED, new_figure, own_style, save_figure
+from ..planner import Progress, region_words
+from ..problems import Calibration, InputError, Scene, as_scene, checked, filling, write_json
 from .belief import applied, contact_text
 from .residuals import Residuals, planned_residuals, recorded_residuals
+from .throws import ThrowData, load_throws
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -125,7 +121,7 @@ class Calibrated:
     def save(self, folder: str | Path) -> None:
         """Write calibrate.json, calibration.toml and the picture."""
         with filling(Path(folder), FILES) as scratch:
-            save(_picture(self), scratch / "calibration.png")
+            save_figure(_picture(self), scratch / "calibration.png")
             (scratch / "calibration.toml").write_text(self.text(), encoding="utf-8")
             write_json(scratch / "calibrate.json", self.to_dict())
 

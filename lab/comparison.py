@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from ..models import Array
-from ..models.release import BATCH_MODELS
-from ..planner.show import Row, Table
-from ..planner.workers import Progress
-from ..problems.throws import ThrowData
+from ..models import BATCH_MODELS, Array
+from ..pictures import Row, Table
+from ..planner import Progress
 from .fit import FitProblem
 from .identification import Identified, identify
 from .measured import conditions, pose_errors
 from .predict import Predictor
+from .throws import ThrowData
 
 #: Models that are compared: those that can be fitted in seconds.
 FITTED = tuple(name for name, model in BATCH_MODELS.items() if model.quick)

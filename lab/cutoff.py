@@ -13,8 +13,8 @@ import numpy as np
 
 from ..models import Array
 from ..problems import InputError
-from ..problems.throws import ThrowData
 from .fit import FitProblem
+from .throws import ThrowData
 
 #: Cutoffs [Hz] that are compared, each 1.4 times the one below.
 CUTOFFS = tuple(20.0 * 1.4**k for k in range(8))

@@ -10,19 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..models import Array, ReadOnly
-from ..models.release import MODELS, STEPPED_SURFACE
-from ..planner.show import BLUE, GREEN, GREY, Table, new_figure, own_style, save
-from ..planner.workers import Progress
-from ..problems import InputError, Scene
-from ..problems.files import filling, write_json
-from ..problems.scene_files import as_scene
-from ..problems.throws import ThrowData
+from ..models import MODELS, STEPPED_SURFACE, Array, ReadOnly
+from ..pictures import BLUE, GREEN, GREY, Table, new_figure, own_style, save_figure
+from ..planner import Progress
+from ..problems import InputError, Scene, as_scene, filling, write_json
 from .belief import Belief, applied, contact_text, prior_of
 from .cutoff import CutoffEffect, fit_at_cutoff
 from .fit import FitProblem
 from .measured import SURFACE, batch_surface, pose_errors
 from .predict import UNKNOWNS, Predictor, check_model
+from .throws import ThrowData
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -242,7 +239,7 @@ def save_identified(found: list[Identified], table: Table | None, folder: Path) 
     of the last."""
     with filling(folder, FILES) as scratch:
         for one in found:
-            save(_contact_picture(one), scratch / f"contact-{one.model}.png")
+            save_figure(_contact_picture(one), scratch / f"contact-{one.model}.png")
         last, shared = found[-1], found[-1].data.shared
         text = f"# from {len(last.data.throws)} throws of {last.data.name}, by {last.model}\n"
         text += contact_text(last.posterior, shared)

@@ -8,12 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..models import Array
-from ..models.release import TableGrip
-from ..planner.result import Plan, sent_throw
-from ..planner.throw import TICK
+from ..models import Array, TableGrip
+from ..planner import TICK, Plan, sent_throw
 from ..problems import InputError, Scene, checked
-from ..problems.throws import MeasuredThrow, Shared, ThrowData
+from .throws import MeasuredThrow, Shared, ThrowData
 
 #: Fewest samples of a flight that a parabola is fitted to.
 SAMPLES = 21

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..models import Array, Body, FlightLaw, HandTrack, Indices, Trajectory
-from ..models.release import MODELS, ReleaseBatch
-from ..planner.throw import TICK, named_model, recorded_joints
+from ..models import MODELS, Array, Body, FlightLaw, HandTrack, Indices, ReleaseBatch, Trajectory
+from ..planner import TICK, named_model, recorded_joints
 from ..problems import InputError, PadContact, checked
-from ..problems.throws import MeasuredThrow, ThrowData
 from .measured import measured
+from .throws import MeasuredThrow, ThrowData
 
 #: Unknowns, the columns of parameter sets: mu, r_p [m], delay [s] of the opening beyond command and
 #: dwell, true grip force over the measured one.

@@ -9,16 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from ..models import Array, ReadOnly
-from ..planner.result import read_plan
-from ..planner.throw import TICK, Throw
-from ..planner.workers import Progress
-from ..problems import InputError, Scene
-from ..problems.files import csv_lines, table_number
-from ..problems.throws import ThrowData
+from ..planner import TICK, Progress, Throw, read_plan
+from ..problems import InputError, Scene, csv_lines, table_number
 from .belief import Belief
 from .identification import identify
 from .measured import delayed
 from .predict import Predictor, parameter_sets
+from .throws import ThrowData
 
 #: Columns of a CSV file of plans and the landings of their throws.
 COLUMNS = ("plan", "x", "theta")

@@ -1,7 +1,7 @@
 """Models of a rigid bar in the hand and in flight, and of motions: for floats, arrays and CasADi.
 
-`release` has the release models and their registry, `robot` the arms. This package imports no
-scenes, files or solvers.
+`__all__` is for users and for the rooms around the heart; the heart itself also takes the laws of
+`body.py` from here. This package imports no scenes, files or solvers.
 """
 
 from .backend import Value
@@ -28,5 +28,42 @@ from .body import (
     read_only,
     sticking_state,
 )
+from .release import (
+    BATCH_MODELS,
+    MODELS,
+    SLIDING_PIVOT,
+    STEPPED_SURFACE,
+    Release,
+    ReleaseBatch,
+    ReleaseCase,
+    ReleaseModel,
+    TableGrip,
+)
 from .surface import SHAPES, SurfaceShape
 from .trajectory import MovedHand, Trajectory, low_pass
+
+__all__ = [
+    "BATCH_MODELS",
+    "MODELS",
+    "SLIDING_PIVOT",
+    "STEPPED_SURFACE",
+    "Array",
+    "Body",
+    "Contact",
+    "Flags",
+    "FlightLaw",
+    "FlightState",
+    "HandMotion",
+    "HandSamples",
+    "HandTrack",
+    "Indices",
+    "ReadOnly",
+    "Release",
+    "ReleaseBatch",
+    "ReleaseCase",
+    "ReleaseModel",
+    "TableGrip",
+    "Trajectory",
+    "Value",
+    "low_pass",
+]

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from throwplan.problems.arms import load_arm
-from throwplan.problems.urdf import chain_of, link_meshes, read_urdf
+from throwplan.robots.urdf import chain_of, link_meshes, read_urdf
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,129 @@
-"""From a scene to a checked throw."""
+"""From a scene to a checked throw.
+
+Users take what they need from `throwplan`; this is what the rooms around the heart build on.
+"""
+
+from ..models.robot import PlanarArm, Solid, SpatialArm, segment_distance
+from .ocp import CondensedQp, ReducedVariables, Refinement, Request, Solution, load_curve
+from .planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner, plan
+from .reach import MAP_FILES, MOST, ReachMap, check_map, reach_map
+from .rest import (
+    COLUMN,
+    CUP_WALL,
+    add_contacts,
+    add_cup,
+    add_object,
+    add_palm,
+    add_solid,
+    body_of,
+    enters_cup,
+    floor_of,
+    has_hand,
+    is_in_cup,
+    is_still,
+    load_mujoco,
+    plane_poses,
+    pose_of,
+    set_contacts,
+)
+from .result import (
+    NEAREST,
+    PHASES,
+    Carry,
+    Plan,
+    PlanPath,
+    SavedThrow,
+    Sendable,
+    SentMotion,
+    Source,
+    Timeline,
+    allowed,
+    arm_points,
+    assumed_words,
+    carry_entries,
+    check_hits,
+    exceeded_entries,
+    exceeded_words,
+    is_cycle,
+    joint_samples,
+    part_thrown,
+    plan_of,
+    read_motion,
+    read_plan,
+    saved_entries,
+    sent_motion,
+    sent_throw,
+    throw_of,
+    timeline,
+    write_motion,
+    write_table,
+)
+from .search import (
+    Budget,
+    NlpCache,
+    condensed_at,
+    error_over,
+    initial_guess_from,
+    remaining_trajectory,
+)
+from .sweep import OUTER, SWEEP_FILES, Sweep, check_sweep, delay_band, sweep, tornado, unit_of
+from .throw import (
+    TICK,
+    Limits,
+    Manipulator,
+    Samples,
+    Simulation,
+    State,
+    Throw,
+    Transfer,
+    arm_excesses,
+    braked,
+    case_of,
+    column_of,
+    friction_use,
+    given_hand,
+    joint_limits,
+    make_manipulator,
+    named_model,
+    outline,
+    planar_joints,
+    recorded_joints,
+    simulate,
+    simulate_batch,
+    torque_limits,
+    torque_uses,
+    transfer,
+)
+from .uncertainty import warnings
+from .verdict import (
+    JOINT_LIMITS,
+    Code,
+    Finding,
+    Verdict,
+    approach_findings,
+    calibrated_landing,
+    first_finding,
+    flight_findings,
+    flight_gaps,
+    grip_words,
+    held_verdict,
+    measures_of,
+    motion_verdict,
+    obstacles_hit,
+    outside_tolerance,
+    region_words,
+    verdict,
+)
+from .verdict.clearance import (
+    CollisionScene,
+    SpatialScene,
+    SweptBodies,
+    bar_radii,
+    column_distance,
+    held_bar,
+    lowest_of_bar,
+    palm_corners,
+    palm_distance,
+    tool_speeds,
+)
+from .workers import Progress, check_host, executor_of, set_up_worker, sigint_blocked

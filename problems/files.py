@@ -42,13 +42,10 @@ COLUMNS |= dict.fromkeys(("t", "command", "since_command"), (1e10, "s")) | {"gri
 #: A number with a decimal comma.
 DECIMAL_COMMA = re.compile(r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$")
 
+#: The package whose files are shipped.
+HOME = "throwplan.problems"
 #: What an unknown name of a shipped file is, by its folder.
-UNKNOWN = {
-    "scenes": "no scene '{}'",
-    "jobs": "no jobs '{}'",
-    "arms": "unknown robot",
-    "grippers": "unknown gripper",
-}
+UNKNOWN = {"scenes": "no scene '{}'", "arms": "unknown robot", "grippers": "unknown gripper"}
 
 
 def read_text(path: Path) -> str:
@@ -82,33 +79,33 @@ def read_json(path: Path) -> Any:
         raise InputError(f"{path}: is not JSON{place}") from None
 
 
-def shipped(kind: str) -> dict[str, Traversable]:
-    """The TOML files in the package's folder `kind`, by name."""
-    entries = sorted((resources.files("throwplan.problems") / kind).iterdir(), key=lambda e: e.name)
+def shipped(kind: str, package: str = HOME) -> dict[str, Traversable]:
+    """The TOML files in a package's folder `kind`, by name."""
+    entries = sorted((resources.files(package) / kind).iterdir(), key=lambda e: e.name)
     return {e.name.removesuffix(".toml"): e for e in entries if e.name.endswith(".toml")}
 
 
-def shipped_text(kind: str, name: str) -> str:
+def shipped_text(kind: str, name: str, package: str = HOME) -> str:
     """The text of a file of `shipped`; InputError for an unknown name."""
-    known = shipped(kind)
+    known = shipped(kind, package)
     if name in known:
         return known[name].read_text(encoding="utf-8")
     hint = InputError.hint(name, known)
-    if kind == "scenes" and name in shipped("jobs"):
-        hint = ": these are jobs, for throwplan cycle"
-    unknown = f"{UNKNOWN[kind].format(name)}{hint}"
+    unknown = UNKNOWN.get(kind, f"no {kind} '{{}}'").format(name) + hint
     raise InputError(f"{unknown} (shipped: {', '.join(known)}; or a .toml file)")
 
 
-def text_of(kind: str, source: str, folder: Path | None = None) -> tuple[str, Path | None]:
+def text_of(
+    kind: str, source: str, folder: Path | None = None, package: str = HOME
+) -> tuple[str, Path | None]:
     """The text of a file of `shipped`, or of a user's, relative to `folder`, and the latter's path.
 
     InputError for neither.
     """
     path = (folder or Path()) / source
-    if source not in shipped(kind) and (path.suffix == ".toml" or os.path.exists(path)):
+    if source not in shipped(kind, package) and (path.suffix == ".toml" or os.path.exists(path)):
         return read_text(path), path
-    return shipped_text(kind, source), None
+    return shipped_text(kind, source, package), None
 
 
 def toml_tables(text: str, place: str) -> dict[str, Any]:

@@ -13,10 +13,10 @@ from .arms import GripperData, arm_from, load_arm, load_gripper
 from .checks import InputError, Mistakes, checked, within
 from .files import read_csv, shipped, shipped_text, text_of, toml_tables
 from .grip import Gripper, held_object
-from .meshes import covered_mesh
 from .poses import Region
 from .scene import MOVERS, SECTIONS, TOP_KEYS, Scene
 from .section import from_table, hints_of, rows_from, table_of, unknown
+from .stl import covered_mesh
 from .targets import Obstacle
 from .uncertainty import uncertainty_from
 

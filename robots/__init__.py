@@ -1,17 +1,15 @@
-"""Sent motions on other systems: played on robots, written for controllers, thrown in MuJoCo.
+"""Arms and objects of one's own, and sent motions on robots: played, written for controllers,
+corrected by recordings, and followed while the target moves.
 
 All read a saved plan or cycle back and check it again, since files can be edited.
 """
 
-from .controller_files import FRANKA_FILES, export, motion_facts, write_motion
+from .commands import COMMANDS
+from .controller_files import export
 from .expectations import Expectations
-from .franka import Franka, check_motion, connected
-from .franka_run import approach, rehearse, throws
+from .following import Response, Session, Update, follow
+from .franka import Franka, connected, find_stops, rehearse, throws
 from .gripper import GripperLink, GripperReply, GripperState
 from .learning import corrected
-from .motions import arm_of, commands_of, joint_motion
-from .mujoco_replay import ObjectReplay, Replay, replay
+from .motions import commands_of, joint_motion
 from .recording import Recording, read_recording
-from .swings import Response, Session, Update, follow
-from .viewing import motion_to_rest, view
-from .watch import find_stops

@@ -11,13 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ..cycles import Cycle
-from ..models.robot import Arm
-from ..planner.result import Carry, Plan, SentMotion, write_table
-from ..planner.throw import TICK, Samples, Throw
-from ..problems import InputError, checked
-from ..problems.files import filling, write_json
-from .franka import check_hand
+from ..planner import TICK, Carry, Samples, SentMotion, Source, write_table
+from ..problems import Arm, InputError, checked, filling, write_json
+from .franka.connection import check_hand
+from .franka.watch import GRASP_CHECK, find_stops
 from .motions import (
     GripperCommand,
     arm_of,
@@ -28,7 +25,6 @@ from .motions import (
     opening_due,
     opening_of,
 )
-from .watch import GRASP_CHECK, find_stops
 
 #: Allowed gaps [m] of an opened gripper: a larger number is in millimetres.
 WIDTHS = {"least": 0.001, "most": 0.5, "unit": "m"}
@@ -48,7 +44,7 @@ ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
 
 
 def export(
-    plan: SentMotion | Plan | Throw | Cycle | str | Path,
+    plan: Source,
     *,
     franka: str | Path | None = None,
     ros: str | Path | None = None,

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..models import Array
-from ..planner.result import SentMotion
-from ..planner.verdict.clearance import SpatialScene, SweptBodies, bar_radii
+from ..planner import SentMotion, SpatialScene, SweptBodies, bar_radii
 from .gripper import FORCES
 from .motions import arm_of, grasp_of, parts_of
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from ..planner.workers import set_up_worker, sigint_blocked
+from ..planner import set_up_worker, sigint_blocked
 from ..problems import InputError
 
 #: TCP port of the gripper.

@@ -20,32 +20,33 @@ import casadi as ca
 import numpy as np
 
 from ..models import Array, FlightState, HandSamples, Trajectory, low_pass
-from ..planner.planner import Planner
-from ..planner.result import SentMotion
-from ..planner.throw import (
+from ..planner import (
     TICK,
+    Code,
+    CollisionScene,
+    Finding,
     Manipulator,
+    Planner,
     Samples,
+    SentMotion,
     Throw,
+    Verdict,
+    column_distance,
     column_of,
     friction_use,
-    outline,
-    torque_limits,
-    torque_uses,
-)
-from ..planner.verdict import Code, Finding, Verdict, verdict
-from ..planner.verdict.clearance import (
-    CollisionScene,
-    column_distance,
     held_bar,
     lowest_of_bar,
+    outline,
     palm_corners,
     palm_distance,
     tool_speeds,
+    torque_limits,
+    torque_uses,
+    verdict,
 )
 from ..problems import InputError, Scene, Torque
+from .following import Response
 from .recording import CUTOFF, Recording, interpolated
-from .swings import Response
 
 
 @dataclass(frozen=True)

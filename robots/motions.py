@@ -10,13 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..cycles import Cycle
-from ..models.robot import Arm
-from ..planner.result import Carry, Plan, SentMotion, sent_motion
-from ..planner.throw import TICK, Throw
-from ..planner.verdict import JOINT_LIMITS
-from ..problems import InputError
-from ..problems.arms import load_arm
+from ..planner import JOINT_LIMITS, TICK, Carry, SentMotion, Source, sent_motion
+from ..problems import Arm, InputError, load_arm
 from .gripper import GRASP_TOLERANCE, MOVED, OPEN_WIDTH
 
 #: An instant is on a tick if it is within this distance of it [ticks].
@@ -24,8 +19,6 @@ ON_TICK = 1e-6
 #: Time [s] after a throw in which the gripper must have reported that it is open, if the arm goes
 #: on to another pick: two reports of a Franka Hand, and a spare one.
 OPENED = 0.3
-#: What a motion is taken from.
-Source = SentMotion | Plan | Throw | Cycle | str | Path
 
 
 @dataclass(frozen=True)
@@ -100,22 +93,13 @@ def arm_of(motion: SentMotion) -> Arm:
     return motion.arm
 
 
-def motion_of(source: Source) -> SentMotion:
-    """The motion of a plan, a throw, a cycle, or of their files; InputError without one."""
-    if not isinstance(source, Cycle):
-        return sent_motion(source)
-    if source.motion is None:
-        raise InputError(f"{source.name}: the cycle is not solved: {source.refused}")
-    return source.motion
-
-
 def joint_motion(source: Source) -> SentMotion:
     """The motion of an arm's plan or of a cycle, or of their files, checked for sending.
 
     InputError for what `read_motion` refuses, for a hand's plan, and for a motion that does not
     begin and end at rest, breaks a limit or misses a target: files can be edited.
     """
-    motion = motion_of(source)
+    motion = sent_motion(source)
     path = source if isinstance(source, str | Path) else motion.name
     if motion.arm is None:
         words = "the plan's scene has no [robot], so there are no joints to send"

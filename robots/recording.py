@@ -14,13 +14,20 @@ from typing import Any
 import numpy as np
 
 from ..models import Array, ReadOnly, Trajectory, low_pass
-from ..planner.result import SentMotion, write_table
-from ..planner.throw import TICK, Throw, planar_joints
-from ..planner.verdict import Code, Finding, outside_tolerance, verdict
-from ..problems import InputError, Scene, ThrowPlane
-from ..problems.files import csv_lines, read_csv
+from ..planner import (
+    TICK,
+    Code,
+    Finding,
+    SentMotion,
+    Throw,
+    outside_tolerance,
+    planar_joints,
+    verdict,
+    write_table,
+)
+from ..problems import InputError, Scene, ThrowPlane, csv_lines, read_csv
+from .following import Response
 from .motions import arm_of
-from .swings import Response
 
 #: Cut-off [Hz] of the low-pass on the residuals of the fitted response.
 CUTOFF = 60.0

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from throwplan import Planner
 from throwplan.cycles import Cycle, plan_cycle
+from throwplan.cycles.job_files import Jobs, load_jobs
 from throwplan.planner.result import Plan, sent_motion
 from throwplan.planner.throw import TICK, State, joint_limits, transfer
-from throwplan.problems.job_files import Jobs, load_jobs
 from throwplan.robots import ObjectReplay, replay
 
 from oracle import broken_limits

@@ -16,7 +16,7 @@ from docutils import nodes
 from packaging.version import Version
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
-from throwplan.problems.keys import scene_keys
+from throwplan.cli.keys import scene_keys
 from throwplan.problems.section import Section
 
 project = "throwplan"

@@ -14,7 +14,7 @@ import numpy as np
 from ...models import Array, Indices
 from ...models.robot import Solid
 from ...problems import Cup, InputError, Scene, ThrownObject
-from ...problems.meshes import mesh_parts, read_stl
+from ...problems.stl import mesh_parts, read_stl
 from ..verdict.clearance import reach_of_bar
 
 #: Thickness [m] of the cup's wall and bottom.

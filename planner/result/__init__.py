@@ -2,6 +2,7 @@
 
 from .active_limits import ActiveLimit, Bound, binding_words
 from .files import (
+    NEAREST,
     PlanPath,
     SavedThrow,
     check_hits,
@@ -20,6 +21,7 @@ from .motion_files import (
     write_motion,
     write_table,
 )
-from .plan import Plan, draw_flight, plan_of, sent_motion, sent_throw, throw_of
+from .plan import Plan, Sendable, Source, plan_of, sent_motion, sent_throw, throw_of
 from .planned_throw import PlannedThrow
 from .recommended import allowed, assumed_words, exceeded_entries, exceeded_words
+from .timeline import PHASES, Timeline, arm_points, timeline

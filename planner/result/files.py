@@ -1,4 +1,4 @@
-"""Plans as files: writing and reading plan.json, motion.csv, throw.png, throw.gif."""
+"""Plans as files: writing and reading plan.json and motion.csv."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from ...models.robot import PlanarArm
 from ...problems import InputError, Scene
 from ...problems.files import read_csv, read_json
 from ...problems.scene_files import scene_from_table
-from ..show import over_time
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
+from .timeline import timeline
 
 Status = Literal["solved", "not_found"]
 #: Version of plan.json; `read_plan` refuses other versions.
 FORMAT = 1
 #: Columns of a free hand's motion.csv: poses, velocities, accelerations.
 HAND_COLUMNS = (("x", "z", "theta"), ("vx", "vz", "omega"), ("ax", "az", "alpha"))
-#: Files of a plan's folder.
-FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
+#: Files of a plan's folder; the pictures of an earlier plan go.
+FILES = ("motion.csv", "plan.json", "throw.png", "throw.gif")
 #: Folder in it, of the throw that lands nearest to a target to which none was found.
 NEAREST = "nearest"
 
@@ -67,7 +67,7 @@ class PlanPath(ReadOnly):
 
 def path_of(throw: Throw) -> PlanPath:
     """The throw every millisecond."""
-    line, kinematics = over_time(throw), throw.manipulator.kinematics
+    line, kinematics = timeline(throw), throw.manipulator.kinematics
     joints = None
     if isinstance(kinematics, PlanarArm):
         moving = throw.path.at(line.times).pose.T

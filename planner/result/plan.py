@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Protocol
 
 from ...problems import InputError, Pose, Scene
 from ...problems.files import filling, plain, write_json
-from .. import show
 from ..ocp import load_curve, peak_load
 from ..throw import TICK, Manipulator, Throw, torque_limits
 from ..uncertainty import DelayTolerance, RestCount, warnings
@@ -34,12 +32,6 @@ from .motion_files import read_motion, write_motion
 from .planned_throw import PlannedThrow
 from .recommended import assumed_words, exceeded, exceeded_entries, exceeded_words
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-#: Pictures of a plan: True for both, False for none, "png" for throw.png alone.
-Draw = bool | Literal["png"]
 #: Keys of a release's times in the JSON, and their labels in summaries.
 MOMENTS = {
     "command_time": "gripper command",
@@ -176,7 +168,7 @@ class Plan:
             "nlp": {"variables": self.variables, "constraints": self.constraints},
             **self._optional_entries(),
             "time": {"build": 0.0, "guess": 0.0, "solve": 0.0, "smooth": 0.0, "check": 0.0}
-            | {"total": 0.0, "draw": None}
+            | {"total": 0.0}
             | self.time,
         }
 
@@ -241,51 +233,28 @@ class Plan:
             ]
         return more
 
-    def save(self, folder: str | Path, draw: Draw = True) -> Plan:
-        """Write plan.json and, for a throw, motion.csv and (draw) throw.png, throw.gif.
+    def save(self, folder: str | Path) -> None:
+        """Write plan.json and, for a throw, motion.csv.
 
         Without a throw to the target the files of the nearest one are in the folder `nearest`.
-        draw: "png" draws throw.png alone, False neither. Returns the plan with the time of
-        drawing. Raises InputError, and leaves the folder as it was, if it cannot be written.
+        Raises InputError, and leaves the folder as it was, if it cannot be written.
         """
-        if draw not in (True, False, "png"):
-            raise InputError(f"draw = {draw!r}: must be True, False or 'png'")
         with filling(Path(folder), (*FILES, NEAREST)) as scratch:
+            self._write(scratch)
             if self.nearest is not None:
                 (scratch / NEAREST).mkdir()
-                self.nearest._write(scratch / NEAREST, draw)
-            return self._write(scratch, draw)
+                self.nearest._write(scratch / NEAREST)
 
-    def _write(self, folder: Path, draw: Draw) -> Plan:
-        """Writes the files into a folder; the plan with the time of drawing."""
-        plan = self
+    def _write(self, folder: Path) -> None:
+        """Writes the files into a folder."""
         if self.solved:
-            throw = sent_throw(self)
-            write_motion(SentMotion.of(throw), folder / "motion.csv")
-            if draw:
-                start = time.perf_counter()
-                load = load_curve(throw) if self.robust else None
-                show.draw_throw(throw, folder / "throw.png", load, self.short_of)
-                if draw != "png":
-                    show.draw_throw_moving(throw, folder / "throw.gif")
-                seconds = {"draw": time.perf_counter() - start}
-                plan = replace(self, time=self.time | seconds)
+            write_motion(self.sent_motion(), folder / "motion.csv")
         aimed = self.scene.aimed_at(self.target)
-        write_json(folder / "plan.json", entries_of(plan.to_dict(), aimed))
-        return plan
+        write_json(folder / "plan.json", entries_of(self.to_dict(), aimed))
 
-    def draw(self, file: str | Path | None = None) -> Figure:
-        """The picture of the throw, a Matplotlib figure, also written to `file` (.png) if given;
-        InputError for a plan without a throw, and for a file that cannot be written."""
-        throw = sent_throw(self)
-        load = load_curve(throw) if self.robust else None
-        path = None if file is None else Path(file)
-        if path is not None and path.suffix != ".png":
-            raise InputError(f"file = {str(file)!r}: must be a .png file")
-        try:
-            return show.draw_throw(throw, path, load, self.short_of)
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror or error}") from None
+    def sent_motion(self) -> SentMotion:
+        """The motion that is sent; InputError for a plan without a throw."""
+        return SentMotion.of(sent_throw(self))
 
     def path(self) -> PlanPath:
         """The throw over time: times, poses of the object and the hand, joints.
@@ -439,13 +408,24 @@ def throw_of(plan: Plan | Throw | str | Path) -> Throw:
     return plan if isinstance(plan, Throw) else sent_throw(plan)
 
 
-def sent_motion(source: SentMotion | Plan | Throw | str | Path) -> SentMotion:
-    """The motion of a plan, a throw, or of their files or a cycle's; InputError without one."""
+class Sendable(Protocol):
+    """What a motion is sent of: a plan, a cycle."""
+
+    def sent_motion(self) -> SentMotion:
+        """The motion; InputError without one."""
+
+
+#: What a motion is taken from.
+Source = SentMotion | Throw | Sendable | str | Path
+
+
+def sent_motion(source: Source) -> SentMotion:
+    """The motion of a plan, a throw, a cycle, or of their files; InputError without one."""
     if isinstance(source, SentMotion):
         return source
     if isinstance(source, str | Path):
         return read_motion(source)
-    return SentMotion.of(throw_of(source))
+    return SentMotion.of(source) if isinstance(source, Throw) else source.sent_motion()
 
 
 def plan_of(plan: Plan | SavedThrow | str | Path) -> Plan:
@@ -457,12 +437,3 @@ def plan_of(plan: Plan | SavedThrow | str | Path) -> Plan:
     throw = PlannedThrow(saved.path, saved.deciding, math.nan, (0, 0))
     known = saved.scene, saved.manipulator, saved.scene.aim
     return Plan(*known, "solved", saved.message, throw, robust=saved.robust)
-
-
-def draw_flight(axes: Axes, plan: Plan | Throw | str | Path, **look: Any) -> None:
-    """The path of the object's CoM from the opening to its end, in axes of your own.
-
-    Thick while the pads open, with a dot at detach. plan: a plan, a throw, or the path of a
-    plan.json or of its folder; look: Matplotlib's settings of a line. InputError without a throw.
-    """
-    show.draw_flight(axes, throw_of(plan), **look)

@@ -100,7 +100,7 @@ def _step(name: str, value: float, spread: Distribution) -> float:
     return min(step, SETTINGS.max_step * value) if Uncertainty.PARAMETERS[name].scaled else step
 
 
-def swings(batch: ThrowBatch, sampler: Sampler) -> Array:
+def tornado(batch: ThrowBatch, sampler: Sampler) -> Array:
     """Landings (P, 2, 3) with each parameter at its 5 and 95 % quantile, the others as planned."""
     values = np.repeat(batch.nominal(), 2 * len(batch.names), axis=0)
     for i, name in enumerate(batch.names):

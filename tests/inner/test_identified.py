@@ -28,9 +28,9 @@ from throwplan.lab import (
     throw_data,
     thrown,
 )
+from throwplan.lab.throws import MeasuredThrow, Shared, ThrowData
 from throwplan.models.release import TableGrip
 from throwplan.problems import Distribution, Grasp, InputError, ThrownObject, Uncertainty
-from throwplan.problems.throws import MeasuredThrow, Shared, ThrowData
 
 Array = npt.NDArray[np.float64]
 

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 from throwplan.lab import measured
+from throwplan.lab.throws import MeasuredThrow, Shared, ThrowData
 from throwplan.models.release import TableGrip
 from throwplan.problems import Grasp, InputError, ThrownObject
-from throwplan.problems.throws import MeasuredThrow, Shared, ThrowData
 
 G, HEIGHT, OPENED = 9.81, -0.7, 0.6
 #: CoM pose and twist at the opening's end.

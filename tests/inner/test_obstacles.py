@@ -15,7 +15,7 @@ import throwplan as tp
 from builders import varied
 from throwplan.models import Trajectory
 from throwplan.models.robot import LinkCapsule
-from throwplan.planner.show import serving, space_motion
+from throwplan.pictures import serving, space_motion
 from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.verdict import collision, measures_of
 from throwplan.planner.verdict.clearance import Clearance, CollisionScene, held_bar, overlap

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import throwplan as tp
 from job_lists import ONE
+from throwplan.cycles.job_files import load_jobs
 from throwplan.cycles.planning import with_joints
 from throwplan.planner.throw import make_manipulator
-from throwplan.problems.job_files import load_jobs
 
 
 @pytest.mark.parametrize("name", ["ur5e", "gen3", "pose"])

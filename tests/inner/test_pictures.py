@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.text import Text
 from PIL import Image, ImageSequence
-from throwplan.planner.show import GREEN, GREY, RED, draw_releases, draw_throw, draw_throw_moving
+from throwplan.pictures import GREEN, GREY, RED, draw_releases, draw_throw, draw_throw_moving
 from throwplan.problems import Motion, Obstacle, OutlinePart
 
 

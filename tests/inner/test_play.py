@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 import throwplan as tp
 from browser import browsing, needs_browser
-from throwplan.planner.play import PlayPage, first_plan
-from throwplan.planner.show import empty_page
+from throwplan.pictures import empty_page
+from throwplan.pictures.space.play import PlayPage, first_plan
 
 
 @contextmanager

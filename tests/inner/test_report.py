@@ -17,7 +17,7 @@ import throwplan as tp
 from builders import loud
 from PIL import Image
 from throwplan.models.release import SlidingPivotRelease, SteppedRelease
-from throwplan.planner.show import Table, new_figure
+from throwplan.pictures import Table, new_figure
 
 from benchmarks import (
     FROZEN,

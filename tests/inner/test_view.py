@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.show import serving, space_motion, space_throw
+from throwplan.pictures import serving, space_motion, space_throw
 from throwplan.robots import motion_to_rest
 
 AZIMUTH = np.radians(20.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.throw import TICK, Samples, excesses
-from throwplan.robots.swings import Response, Session, Update
+from throwplan.robots.following import Response, Session, Update
 
 HORIZON = 0.02
 

@@ -9,7 +9,7 @@ import pytest
 import throwplan as tp
 from throwplan.cli import main
 from throwplan.problems.arms import load_arm
-from throwplan.problems.urdf import kinematics_difference, limits_of, link_inertias
+from throwplan.robots.urdf import kinematics_difference, limits_of, link_inertias
 
 from oracle.meshes import MESHES, PACKAGES, ROBOTS, URDFS, chain_for, has_meshes, link_points
 from oracle.shapes import to_segment
