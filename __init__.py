@@ -25,8 +25,8 @@ from .planner import (
     read_plan,
     simulate,
     simulate_batch,
-    sweep,
 )
+from .planner.sweep import sweep
 from .problems import (
     Calibration,
     Choice,

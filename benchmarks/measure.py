@@ -18,10 +18,10 @@ from typing import TypeVar
 from unittest.mock import patch
 
 import numpy as np
-from throwplan import Plan, Planner, Pose, Scene, SentThrow
+from throwplan import Plan, Planner, Pose, Scene, Throw
 from throwplan.models import Array, Trajectory
 from throwplan.planner.planner import SolverName
-from throwplan.planner.search.releases import carry
+from throwplan.planner.search import carry
 from throwplan.planner.throw import (
     Limits,
     Manipulator,
@@ -30,7 +30,7 @@ from throwplan.planner.throw import (
     make_manipulator,
     send,
 )
-from throwplan.planner.verdict import measures_of, verdict
+from throwplan.planner.verdict import measures_of, verdict_on
 
 T = TypeVar("T")
 
@@ -176,9 +176,9 @@ def _thrown(
     stop = samples.q[-1]
     if ((stop < manipulator.planning.q_min) | (stop > manipulator.planning.q_max)).any():
         return None
-    throw = SentThrow.sent(scene.aimed_at(target), manipulator, samples, at).sliding_pivot
+    throw = Throw.sent(scene.aimed_at(target), manipulator, samples, at).sliding_pivot
     if measures_of(throw).value("grip")[0] > GRIP_USE or not np.isfinite(throw.landing.flight_time):
         return None
     theta = None if target.theta is None else throw.landing.theta
     pose = target.in_plane(throw.landing.x, theta)
-    return pose if verdict(replace(throw, scene=scene.aimed_at(pose))).ok else None
+    return pose if verdict_on(replace(throw, scene=scene.aimed_at(pose))).ok else None

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from throwplan.pictures import Table, new_figure, save
+from throwplan.pictures import Table, new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
@@ -49,7 +49,7 @@ class Picture:
             axes.grid(alpha=0.3)
             _label(axes.xaxis, *axes.get_xlim())
             _label(axes.yaxis, *axes.get_ylim())
-        save(self.figure, path)
+        save_figure(self.figure, path)
         with Image.open(path) as drawn:
             reduced = drawn.convert("RGB").quantize(256, dither=Image.Dither.NONE)
         reduced.save(path, optimize=True)

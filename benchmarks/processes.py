@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
-from throwplan.planner.workers import executor_of, set_up_worker, sigint_blocked
+from throwplan.workers import executor_of, set_up_worker, sigint_blocked
 
 T = TypeVar("T")
 

@@ -9,10 +9,10 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from throwplan import Plan, Planner, Pose, ReachMap, SentThrow, load_scene, reach_map
+from throwplan import Plan, Planner, Pose, ReachMap, Throw, load_scene, reach_map
 from throwplan.pictures import Row, Table, shown
 from throwplan.planner.throw import send
-from throwplan.planner.verdict import verdict
+from throwplan.planner.verdict import verdict_on
 
 from .judge import judge
 from .measure import planning_time, quantiles, reachable_targets, warmed
@@ -187,8 +187,8 @@ def _beside(planner: Planner, plans: list[Plan]) -> Row:
         seconds.append(time.perf_counter() - start)
         start = time.perf_counter()
         sent = send(plan.manipulator, throw.planned)
-        final = SentThrow.sent(plan.scene, plan.manipulator, sent, throw.opening_time)
-        verdict(final, target)
+        final = Throw.sent(plan.scene, plan.manipulator, sent, throw.opening_time)
+        verdict_on(final, target)
         checks.append(time.perf_counter() - start)
     (warm, longest), (check,) = quantiles(seconds, 50, 99), quantiles(checks, 50)
     return {

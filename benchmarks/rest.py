@@ -10,7 +10,7 @@ import numpy as np
 from throwplan import Cup, Object, Plan, Planner, Region, Rest, Scene, load_scene
 from throwplan.pictures import Row, Table
 from throwplan.planner.rest import entry_states, roll_to_rest
-from throwplan.planner.search.releases import ReleaseSampler
+from throwplan.planner.search import ReleaseSampler
 from throwplan.planner.uncertainty import Entries, count_rests
 from throwplan.planner.verdict import lands_well
 

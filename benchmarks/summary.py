@@ -12,7 +12,9 @@ import statistics
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from throwplan import Planner, replay
+from throwplan import Planner
+from throwplan import pictures as drawing
+from throwplan.lab import replay
 from throwplan.models.release import STEPPED_SURFACE
 from throwplan.pictures import BLACK, BLUE, GREEN, ORANGE, Row, Table
 
@@ -236,7 +238,7 @@ def make(effort: Effort) -> ReportSection:
     for name in THROWN:
         plan = Planner(name, library=False).plan()
         if name == SHOWN:
-            pictures.append(Picture("example", f"A throw: scene {name}", plan.draw()))
+            pictures.append(Picture("example", f"A throw: scene {name}", drawing.draw(plan)))
         found = replay(plan).objects[0].to_dict()["difference"]
         row: Row = {"scene": name, "status": plan.status}
         for title, key in ((SURFACE, "limit_surface"), (PIVOT, "sp")):

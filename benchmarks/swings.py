@@ -7,9 +7,10 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from throwplan import Plan, Planner, Pose, follow, load_scene, reach_map
+from throwplan import Plan, Planner, Pose, load_scene, reach_map
 from throwplan.pictures import Row, Table, shown
 from throwplan.planner.throw import TICK
+from throwplan.robots import follow
 
 from .measure import quantiles
 from .page import Effort, ReportSection

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import pictures
+from .. import sweep as sweep_plan
 from ..cycles import jobs_names, jobs_text
 from ..interrupts import INTERRUPTED
 from ..models import BATCH_MODELS, MODELS
@@ -24,13 +25,11 @@ from ..planner import (
     Planner,
     check_map,
     check_sweep,
-    executor_of,
     make_manipulator,
     plan_of,
     reach_map,
     simulate,
 )
-from ..planner import sweep as sweep_plan
 from ..problems import (
     InputError,
     Scene,
@@ -61,6 +60,7 @@ from ..terminal import (
     target_of,
     written,
 )
+from ..workers import executor_of
 from .keys import scene_keys
 
 #: Sampled throws of a drawn scene's reach.

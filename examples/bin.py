@@ -28,6 +28,7 @@ import tempfile
 import matplotlib.pyplot as plt
 import throwplan as tp
 from IPython.display import Image, display
+from throwplan import pictures
 
 plt.rc("figure", dpi=85)
 plt.rc("figure.constrained_layout", use=True)
@@ -102,10 +103,10 @@ for axis, (name, one) in zip(axes, shown.items(), strict=True):
     # The plain throw goes on until rest, too, once its scene has [rest].
     throw = one.throw.deciding
     throw = throw.in_scene(throw.scene.replace(rest=rest))
-    tp.draw_cup(axis, scene.cup)
-    tp.draw_flight(axis, throw)
+    pictures.draw_cup(axis, scene.cup)
+    pictures.draw_flight(axis, throw)
     landing = throw.landing
-    tp.draw_bars(axis, scene.object, landing.pose, color="#2a9d6f", alpha=0.5)
+    pictures.draw_bars(axis, scene.object, landing.pose, color="#2a9d6f", alpha=0.5)
     speed = math.hypot(landing.state.v_x, landing.state.v_z)
     axis.set(title=f"{name}: {speed:.1f} m/s, {landing.state.omega:+.1f} rad/s", xlabel="x [m]")
     axis.set_aspect("equal")

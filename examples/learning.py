@@ -32,6 +32,7 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 import throwplan as tp
+from throwplan import lab
 
 plt.rc("figure", dpi=85)
 plt.rc("figure.constrained_layout", use=True)
@@ -95,7 +96,7 @@ def planned(scene, ways):
 
 def landed(plans):
     """Where the plans' throws really land (N, 2): x [m], theta [rad]."""
-    return tp.thrown(tp.throw_data(plans), "patch", TRUTH)
+    return lab.thrown(lab.throw_data(plans), "patch", TRUTH)
 
 
 plans = planned(wrong, WAYS)
@@ -131,8 +132,8 @@ MODEL = "ls-step"  # the limit surface, stepped; "sp" is the sliding pivot
 def learned(count, model=MODEL):
     """What is known after the first throws."""
     landings = [(float(x), float(theta)) for x, theta in seen[:count]]
-    data = tp.throw_data(plans[:count], landings, *NOISE)
-    return tp.identify(data, model, prior=wrong, delay=True)
+    data = lab.throw_data(plans[:count], landings, *NOISE)
+    return lab.identify(data, model, prior=wrong, delay=True)
 
 
 three = learned(3)

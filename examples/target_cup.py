@@ -31,6 +31,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import throwplan as tp
 from IPython.display import Image, display
+from throwplan import pictures
 
 plt.rc("figure", dpi=85)
 plt.rc("figure.constrained_layout", use=True)
@@ -55,13 +56,13 @@ print(plan.status, "-", plan.message)
 
 # %% [markdown]
 """
-`save` writes the plan (`plan.json`), the joint motion at 1 kHz (`motion.csv`) and two pictures: one
-that stands still and one that moves. `draw="png"` leaves out the second, `draw=False` both.
+`plan.save` writes the plan (`plan.json`) and the joint motion at 1 kHz (`motion.csv`),
+`pictures.save` two pictures: one that stands still and one that moves.
 """
 
 # %%
 with tempfile.TemporaryDirectory() as folder:
-    plan.save(folder, draw="png")
+    pictures.save(plan, folder)
     display(Image(f"{folder}/throw.png", width=900))
 
 # %% [markdown]
@@ -162,9 +163,9 @@ detach.
 figure, axis = plt.subplots(figsize=(8, 6.4))
 shades = plt.get_cmap("viridis")((cups - cups.min()) / np.ptp(cups) * 0.9)
 for one, shade in list(zip(moved, shades, strict=True))[::8]:
-    tp.draw_flight(axis, one, color=shade)
-    tp.draw_bars(axis, scene.object, one.path().poses[-1], color=shade)
-    tp.draw_cup(axis, scene.aimed_at(one.target).cup, color=shade)
+    pictures.draw_flight(axis, one, color=shade)
+    pictures.draw_bars(axis, scene.object, one.path().poses[-1], color=shade)
+    pictures.draw_cup(axis, scene.aimed_at(one.target).cup, color=shade)
 axis.set(xlabel="x [m]", ylabel="z [m]", title="One scene, many cups (thick: the pads open)")
 axis.set_aspect("equal")
 plt.show()
@@ -243,11 +244,11 @@ figure, axes = plt.subplots(1, 2, figsize=(6.5, 5.4), sharey=True)
 for axis, (angle, one) in zip(axes, others.items(), strict=True):
     path = one.path()
     flying = path.poses[path.times >= one.throw.deciding.detach_time]
-    tp.draw_cup(axis, scene.cup)
-    tp.draw_flight(axis, one)
+    pictures.draw_cup(axis, scene.cup)
+    pictures.draw_flight(axis, one)
     for k, pose in enumerate(flying[np.linspace(0, len(flying) - 1, 9).astype(int)]):
         shade = plt.get_cmap("viridis")(0.9 - 0.9 * k / 8)
-        tp.draw_bars(axis, scene.object, pose, color=shade, alpha=0.8)
+        pictures.draw_bars(axis, scene.object, pose, color=shade, alpha=0.8)
         tip = pose[:2] + (scene.object.length - scene.object.com) * np.array(
             [math.cos(pose[2]), math.sin(pose[2])]
         )

@@ -193,7 +193,7 @@ cutoff = 300.0
 def released(plan):
     """The release of the motion that is sent, with its friction wrench over time."""
     with tempfile.TemporaryDirectory() as folder:
-        plan.save(folder, draw=False)
+        plan.save(folder)
         file = Path(folder, "sent.toml")
         file.write_text(
             f"{HELD}{MOTION}opening_time = {plan.throw.opening_time}\n", encoding="utf-8"

@@ -33,6 +33,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import throwplan as tp
 from matplotlib.patches import Polygon
+from throwplan import pictures
 
 plt.rc("figure", dpi=85)
 plt.rc("figure.constrained_layout", use=True)
@@ -222,7 +223,7 @@ is found it has the limits that hold the nearest one.
 planner = tp.Planner(scene)
 plan = planner.plan()
 print(plan.status, "-", plan.message)
-plan.save(work / "out", draw=False)
+plan.save(work / "out")
 print(sorted(path.name for path in (work / "out").iterdir()))
 
 # %% [markdown]
@@ -254,7 +255,7 @@ for k, (x, z, angle) in enumerate(flown.T):
         outline = [(x, z) + a * along + b * across for a, b in corners]
         axis.add_patch(Polygon(outline, color=shade, alpha=0.85))
 axis.plot(scene.target.x, scene.target.z, "k+", ms=14, label="target of the CoM")
-tp.draw_flight(axis, back, color="#d1495b", label="CoM")
+pictures.draw_flight(axis, back, color="#d1495b", label="CoM")
 axis.axhline(0.02, color="#b0a99f", ls="--", lw=1, label="floor")
 axis.set(xlabel="x [m]", ylabel="z [m]", title="The hammer's flight")
 axis.set_aspect("equal")

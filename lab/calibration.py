@@ -11,8 +11,9 @@ import numpy as np
 
 from ..models import MODELS, Array, Flags
 from ..pictures import BLUE, GREEN, GREY, RED, new_figure, own_style, save_figure
-from ..planner import Progress, region_words
+from ..planner import region_words
 from ..problems import Calibration, InputError, Scene, as_scene, checked, filling, write_json
+from ..workers import Progress
 from .belief import applied, contact_text
 from .residuals import Residuals, planned_residuals, recorded_residuals
 from .throws import ThrowData, load_throws

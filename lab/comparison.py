@@ -9,7 +9,7 @@ import numpy as np
 
 from ..models import BATCH_MODELS, Array
 from ..pictures import Row, Table
-from ..planner import Progress
+from ..workers import Progress
 from .fit import FitProblem
 from .identification import Identified, identify
 from .measured import conditions, pose_errors

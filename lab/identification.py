@@ -12,8 +12,8 @@ import numpy as np
 
 from ..models import MODELS, STEPPED_SURFACE, Array, ReadOnly
 from ..pictures import BLUE, GREEN, GREY, Table, new_figure, own_style, save_figure
-from ..planner import Progress
 from ..problems import InputError, Scene, as_scene, filling, write_json
+from ..workers import Progress
 from .belief import Belief, applied, contact_text, prior_of
 from .cutoff import CutoffEffect, fit_at_cutoff
 from .fit import FitProblem

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ..models import Array, ReadOnly
-from ..planner import TICK, Progress, Throw, read_plan
+from ..planner import TICK, Throw, read_plan
 from ..problems import InputError, Scene, csv_lines, table_number
+from ..workers import Progress
 from .belief import Belief
 from .identification import identify
 from .measured import delayed

@@ -66,7 +66,7 @@ from .search import (
     initial_guess_from,
     remaining_trajectory,
 )
-from .sweep import OUTER, SWEEP_FILES, Sweep, check_sweep, delay_band, sweep, tornado, unit_of
+from .sweep import OUTER, SWEEP_FILES, Sweep, check_sweep, delay_band, tornado, unit_of
 from .throw import (
     TICK,
     Limits,
@@ -98,32 +98,29 @@ from .uncertainty import warnings
 from .verdict import (
     JOINT_LIMITS,
     Code,
+    CollisionScene,
     Finding,
+    SpatialScene,
+    SweptBodies,
     Verdict,
     approach_findings,
+    bar_radii,
     calibrated_landing,
+    column_distance,
     first_finding,
     flight_findings,
     flight_gaps,
     grip_words,
+    held_bar,
     held_verdict,
+    lowest_of_bar,
     measures_of,
     motion_verdict,
     obstacles_hit,
     outside_tolerance,
-    region_words,
-    verdict,
-)
-from .verdict.clearance import (
-    CollisionScene,
-    SpatialScene,
-    SweptBodies,
-    bar_radii,
-    column_distance,
-    held_bar,
-    lowest_of_bar,
     palm_corners,
     palm_distance,
+    region_words,
     tool_speeds,
+    verdict_on,
 )
-from .workers import Progress, check_host, executor_of, set_up_worker, sigint_blocked

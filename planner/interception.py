@@ -16,9 +16,9 @@ import numpy as np
 from ..models import Trajectory
 from ..problems import Pose, Scene
 from .result import Plan, PlannedThrow
-from .search.releases import Releases, arrival
+from .search import Releases, arrival
 from .throw import TICK, Samples, Throw
-from .verdict import verdict
+from .verdict import verdict_on
 
 #: Times [s] at which interceptions are tried.
 TIMES = np.arange(0.3, 8.0, 0.1)
@@ -162,7 +162,7 @@ def _met(plan: Plan, throw: PlannedThrow, target: Pose) -> Plan:
     """The plan with this throw, judged at the target's place when it lands."""
     goal = target.at(throw.landing_time)
     final = dataclasses.replace(throw.deciding, scene=plan.scene.aimed_at(goal))
-    judged = verdict(final, goal)
+    judged = verdict_on(final, goal)
     return dataclasses.replace(
         plan,
         scene=final.scene,

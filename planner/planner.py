@@ -14,6 +14,7 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unp
 
 from ..problems import Cost, InputError, Pose, Scene, checked
 from ..problems.scene_files import as_scene
+from ..workers import Progress, executor_of
 from .interception import intercept
 from .reach import default_workers, grow
 from .result import Plan
@@ -21,18 +22,19 @@ from .search import (
     Budget,
     Library,
     NlpCache,
+    Releases,
+    ReleaseSampler,
     SearchContext,
     Task,
     Turns,
     check_start,
     plan_throw,
     remaining_throw,
+    stored_releases,
 )
-from .search.releases import Releases, ReleaseSampler, stored_releases
 from .sweep import Hardening, check_rest, choose, hardened, resting, robust_scene
 from .throw import State, make_manipulator
-from .verdict.clearance import check_obstacles
-from .workers import Progress, executor_of
+from .verdict import check_obstacles
 
 SolverName = Literal["fatrop", "ipopt"]
 

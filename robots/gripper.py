@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from ..planner import set_up_worker, sigint_blocked
 from ..problems import InputError
+from ..workers import set_up_worker, sigint_blocked
 
 #: TCP port of the gripper.
 PORT = 1338

@@ -42,7 +42,7 @@ from ..planner import (
     tool_speeds,
     torque_limits,
     torque_uses,
-    verdict,
+    verdict_on,
 )
 from ..problems import InputError, Scene, Torque
 from .following import Response
@@ -519,7 +519,7 @@ class Proposal:
         samples = Samples(*(control.basis @ coefficients))
         sent = dataclasses.replace(expected, path=samples.path, samples=samples)
         # The next recording corrects the landing error, so that does not forbid sending.
-        judged = verdict(expected, sent=sent).without(Code.LANDING, Code.ARRIVAL)
+        judged = verdict_on(expected, sent=sent).without(Code.LANDING, Code.ARRIVAL)
         return cls(sent, expected, _error(expected), judged)
 
     @property

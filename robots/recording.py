@@ -22,7 +22,7 @@ from ..planner import (
     Throw,
     outside_tolerance,
     planar_joints,
-    verdict,
+    verdict_on,
     write_table,
 )
 from ..problems import InputError, Scene, ThrowPlane, csv_lines, read_csv
@@ -179,7 +179,7 @@ class Recording(ReadOnly):
         """
         bare = throw.in_scene(throw.scene.without_reserves())
         others = Code.TORQUE, Code.TORQUE_RATE, Code.TOOL_SPEED, Code.ARRIVAL, Code.LANDING
-        judged = verdict(bare, sent=plan).without(*others)
+        judged = verdict_on(bare, sent=plan).without(*others)
         if error is None or judged.cup:
             return judged.broken
         off = outside_tolerance(plan.scene.tolerance, error["position"], error["angle"])

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan import lab
 from throwplan.models.robot import LinkInertia
 from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
 from throwplan.planner.result import SentMotion
@@ -24,9 +25,9 @@ MADE_THROWS = Path(__file__).parents[1] / "examples" / "throws"
 MADE_PRODUCT = 0.8 * 0.0031
 
 
-def made_throws() -> tp.ThrowData:
+def made_throws() -> lab.ThrowData:
     """One of the made throws for each of their 18 conditions."""
-    return tp.load_throws(MADE_THROWS).picked(list(range(0, 90, 5)))
+    return lab.load_throws(MADE_THROWS).picked(list(range(0, 90, 5)))
 
 
 def varied(scene: tp.Scene, limits: dict[str, Any] | None = None, **sections: Any) -> tp.Scene:

@@ -14,6 +14,7 @@ import pytest
 import throwplan as tp
 from builders import loud
 from job_lists import TWO
+from throwplan import cycles
 
 _FOLDER = tempfile.TemporaryDirectory(prefix="throwplan-tests-")
 os.environ["THROWPLAN_CACHE"] = _FOLDER.name
@@ -62,7 +63,7 @@ def saved(plan_of, tmp_path_factory) -> Callable[[str], Path]:
     @cache
     def folder_of(name: str) -> Path:
         folder = tmp_path_factory.mktemp(name)
-        plan_of(name).save(folder, draw=False)
+        plan_of(name).save(folder)
         return folder
 
     return folder_of
@@ -75,7 +76,8 @@ def turned(loud_planner_of, tmp_path_factory) -> tuple[tp.Plan, Path]:
     target = tp.Pose(x=0.92 * math.cos(turn), y=0.92 * math.sin(turn), z=0.22, theta=-math.pi / 2)
     plan = loud_planner_of("near-cup").plan(target)
     assert plan.status == "solved", plan.message
-    return plan.save(folder, draw=False), folder
+    plan.save(folder)
+    return plan, folder
 
 
 @pytest.fixture(scope="session")
@@ -84,7 +86,7 @@ def cycled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cycle")
     jobs = folder / "two.toml"
     jobs.write_text(TWO)
-    tp.plan_cycle(tp.load_jobs(jobs), patience=30).save(folder / "out")
+    cycles.plan_cycle(cycles.load_jobs(jobs), patience=30).save(folder / "out")
     return folder / "out"
 
 

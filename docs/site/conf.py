@@ -16,6 +16,7 @@ from docutils import nodes
 from packaging.version import Version
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
+from throwplan import robots
 from throwplan.cli.keys import scene_keys
 from throwplan.problems.section import Section
 
@@ -67,7 +68,7 @@ autodoc_typehints_format = "short"
 python_maximum_signature_line_length = 80
 
 #: Classes of which users make objects. Other objects are results: no constructor is shown.
-CONSTRUCTED = (Section, tp.Planner, tp.State, tp.Response)
+CONSTRUCTED = (Section, tp.Planner, tp.State, robots.Response)
 
 # Classes have their public names; Target is another name of Pose.
 for public in set(tp.__all__) - {"Target"}:

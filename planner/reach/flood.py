@@ -21,6 +21,7 @@ from functools import cached_property, lru_cache, partial
 import numpy as np
 
 from ...problems import Pose, Scene
+from ...workers import Progress, run_jobs
 from ..ocp import BASE, Optimum, ReducedVariables, Refinement, Request
 from ..search import (
     Budget,
@@ -30,17 +31,18 @@ from ..search import (
     Neighbour,
     NlpCache,
     Records,
+    Releases,
     Starts,
     Task,
     attempt,
     guess_of,
+    nearest_releases,
     optimum_of,
     quieted,
+    sparse_parents,
 )
-from ..search.releases import Releases, sparse_parents, starts
 from ..throw import make_manipulator
 from ..uncertainty import spread
-from ..workers import Progress, run_jobs
 from .cells import Cell, Cells, Landings, landings_of
 
 
@@ -317,7 +319,7 @@ class Flood:
     def _from_releases(self, cell: Cell) -> tuple[Pose, Releases]:
         """The middle of a cell, and the sampled releases that land nearest to it."""
         goal, scene = self._cells.middle(cell, self._target), self._solver.problems.scene
-        nearest = starts(self._releases, scene, goal, "exact", SETTINGS.starts)
+        nearest = nearest_releases(self._releases, scene, goal, "exact", SETTINGS.starts)
         chosen = np.array([index for index, *_ in nearest], int)
         return goal, self._releases.picked(chosen)
 

@@ -18,13 +18,20 @@ import numpy as np
 from ...models import Array, Flags
 from ...problems import InputError, Scene, checked
 from ...problems.scene_files import as_scene
+from ...workers import Progress
 from ..ocp import CUP_MARGINS, FLIGHT_MAX, PASSING_MARGIN
-from ..search import Library, check_start
-from ..search.releases import Releases, ReleaseSampler, flies_past_column, highest, joined, run_up
+from ..search import (
+    Library,
+    Releases,
+    ReleaseSampler,
+    check_start,
+    flies_past_column,
+    highest,
+    joined,
+    run_up,
+)
 from ..throw import Limits, Manipulator, make_manipulator, outline
-from ..verdict import lands_well
-from ..verdict.clearance import held_bar, lowest_of_bar, palm_corners
-from ..workers import Progress
+from ..verdict import held_bar, lands_well, lowest_of_bar, palm_corners
 from .maps import WIDTHS, Counts, ReachMap, places
 
 #: States that are sampled at a time.

@@ -15,7 +15,7 @@ from ...models import Array, Indices
 from ...models.robot import Solid
 from ...problems import Cup, InputError, Scene, ThrownObject
 from ...problems.stl import mesh_parts, read_stl
-from ..verdict.clearance import reach_of_bar
+from ..verdict import reach_of_bar
 
 #: Thickness [m] of the cup's wall and bottom.
 WALL = 0.005

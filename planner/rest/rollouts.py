@@ -12,7 +12,7 @@ import numpy as np
 
 from ...models import Array, Flags, FlightState
 from ...problems import Cup, Scene, ThrownObject
-from ..verdict.clearance import reach_of_bar
+from ..verdict import reach_of_bar
 from .contact_model import ContactModel, floor_of, load_mujoco, plane_poses, pose_of
 
 

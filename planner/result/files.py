@@ -17,7 +17,7 @@ from ...problems import InputError, Scene
 from ...problems.files import read_csv, read_json
 from ...problems.scene_files import scene_from_table
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
-from .timeline import timeline
+from .over_time import timeline
 
 Status = Literal["solved", "not_found"]
 #: Version of plan.json; `read_plan` refuses other versions.

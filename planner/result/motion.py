@@ -15,8 +15,15 @@ from ...models import Array, ReadOnly
 from ...models.robot import Arm, PlanarArm, SpatialArm
 from ...problems import Obstacle
 from ..throw import TICK, Samples, Throw
-from ..verdict import Finding, Verdict, approach_findings, flight_findings, motion_verdict, verdict
-from ..verdict.clearance import SpatialScene
+from ..verdict import (
+    Finding,
+    SpatialScene,
+    Verdict,
+    approach_findings,
+    flight_findings,
+    motion_verdict,
+    verdict_on,
+)
 from .files import joint_samples
 
 
@@ -176,7 +183,7 @@ class SentMotion(ReadOnly):
     def verdict(self) -> Verdict:
         """All limits that the motion breaks, from rest to rest; times on its clock."""
         if not self.picks:
-            return verdict(self.throw)
+            return verdict_on(self.throw)
         return Verdict(tuple(self._findings()))
 
     def _findings(self) -> Iterator[Finding]:
@@ -192,7 +199,7 @@ class SentMotion(ReadOnly):
             yield from _later(came, empty_from)
             empty_from = math.ceil(one.detach_time / TICK)
             throw = one.throw.among(space.scene.obstacle)
-            yield from _later(verdict(throw).findings, one.join)
+            yield from _later(verdict_on(throw).findings, one.join)
             free = TICK * (one.free - one.join)
             flown = flight_findings(one.space, one.throw, rows[one.free :], free)
             yield from _later(flown, one.join)

@@ -23,7 +23,7 @@ from ..verdict import (
     drop_words,
     grip_words,
     measures_of,
-    verdict,
+    verdict_on,
 )
 from .active_limits import ActiveLimit, Bound
 from .files import FILES, NEAREST, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan
@@ -87,7 +87,7 @@ class Plan:
         if self.throw is None:
             return Verdict()
         deciding = self.throw.deciding
-        judged = verdict(deciding, self.goal)
+        judged = verdict_on(deciding, self.goal)
         if not self.solved:
             return judged
         findings = (*judged.findings, *warnings(deciding, self.target, self.robust))

@@ -9,4 +9,17 @@ from .library import Library, Neighbour, Turns
 from .move import Corrector, condensed_at, optimum_of
 from .nlp_cache import Budget, NlpCache, Task
 from .records import Records
+from .releases import (
+    Releases,
+    ReleaseSampler,
+    arrival,
+    carry,
+    flies_past_column,
+    highest,
+    joined,
+    nearest_releases,
+    run_up,
+    sparse_parents,
+    stored_releases,
+)
 from .starts import Starts

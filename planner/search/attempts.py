@@ -18,7 +18,7 @@ from ..ocp import BASE, Refinement, Request, Solution, ThrowNlp, WarmStart, effo
 from ..result import PlannedThrow
 from ..throw import SmoothingError, Throw, send
 from ..uncertainty import spread
-from ..verdict import Verdict, verdict
+from ..verdict import Verdict, verdict_on
 from .guess import guess_of
 from .nlp_cache import Budget, CompiledNlp, NlpCache, Task
 
@@ -322,7 +322,7 @@ def _judged(
 ) -> Outcome:
     """The outcome of a throw, judged for the goal; of an elastic one, at its landing beside it."""
     goal, deciding = start.goal, throw.deciding
-    judged, pose_error = verdict(deciding, goal), task.scene.object.pose_error
+    judged, pose_error = verdict_on(deciding, goal), task.scene.object.pose_error
     if price:
         # The price of the miss is no effort.
         x, _, theta = throw.planned_landing
@@ -349,7 +349,7 @@ def _judged(
     joints, limits = problems.manipulator.joints, program.limits
     names = program.nlp.binding_limits(joints, throw.solution, limits)
     missed = pose_error(*deciding.miss(goal))
-    judged = verdict(there, pose)
+    judged = verdict_on(there, pose)
     broken = () if judged.ok else (judged.broken[0].limit_name,)
     throw = replace(throw, deciding=there)
     return Outcome(goal, start.refinement, throw, judged, pose, missed, names, broken, task.solver)

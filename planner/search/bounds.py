@@ -13,7 +13,7 @@ from ...models.robot import PlanarArm
 from ...problems import Pose, Scene
 from ..result import Bound
 from ..throw import Manipulator, column_of
-from ..verdict.clearance import column_distance, reach_of_bar
+from ..verdict import column_distance, reach_of_bar
 
 #: Poses of the target that are looked at, in x and in theta.
 GRID = 181

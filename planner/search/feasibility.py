@@ -9,7 +9,7 @@ import numpy as np
 from ...models import Array, HandSamples
 from ...problems import InputError, Scene
 from ..throw import Manipulator, column_of, friction_use, outline, rest_torques, torque_limits
-from ..verdict.clearance import column_distance, grasp_distance, hand_pairs, held_bar, lowest_of_bar
+from ..verdict import column_distance, grasp_distance, hand_pairs, held_bar, lowest_of_bar
 
 #: Random start poses that are checked where the start is free.
 STARTS = 4000

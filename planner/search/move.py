@@ -19,7 +19,7 @@ from ...models.release import STEPPED_SURFACE, Release, compiled_release
 from ..ocp import CondensedQp, Margins, Optimum, ReducedVariables, Request, Solution, effort_of
 from ..result import PlannedThrow
 from ..throw import TICK, Samples, SmoothingError, Throw, case_of, send
-from ..verdict import verdict
+from ..verdict import verdict_on
 from .attempts import Exact, Outcome, accuracy, error_over
 from .guess import guess_of
 from .library import Neighbour
@@ -72,7 +72,7 @@ class Corrector:
         if throw is None:
             return one, None
         with task.budget("check"):
-            judged = verdict(throw.deciding, near.goal)
+            judged = verdict_on(throw.deciding, near.goal)
         return replace(one, throw=throw, verdict=judged, pose=near.goal, missed=0.0), u
 
     def _moved(self, near: Neighbour, task: Task) -> tuple[PlannedThrow, Array] | None:

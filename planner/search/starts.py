@@ -25,9 +25,9 @@ from .releases import (
     drawn_towards,
     flies_past_column,
     kinds,
+    nearest_releases,
     sampled_throw,
 )
-from .releases import starts as nearest_releases
 
 #: Number of nearest sampled releases of which starts are chosen.
 NEAR = 400

@@ -14,11 +14,11 @@ import numpy as np
 from ...models import Array, Indices
 from ...models.release import BATCH_MODELS, MODELS
 from ...problems import InputError, checked
+from ...workers import Progress, run_jobs
 from ..result import Plan, SavedThrow, plan_of
 from ..throw import ThrowBatch, named_model
 from ..uncertainty import FURTHEST, Entries, Sampler, sampler_of, scan_delays
 from ..verdict import Judge, Verdicts
-from ..workers import Progress, run_jobs
 from .results import Sweep
 from .statistics import derivatives, variance_shares
 

@@ -5,6 +5,27 @@ This package alone decides on landing, grip, cup and clearances.
 
 from .calibrated import CalibratedLanding, calibrated_landing, region_words
 from .carry import grip_use
+from .clearance import (
+    BAR,
+    LANDING,
+    Clearance,
+    CollisionScene,
+    SpatialScene,
+    SweptBodies,
+    bar_outline,
+    bar_radii,
+    check_obstacles,
+    column_distance,
+    grasp_distance,
+    hand_pairs,
+    held_bar,
+    lowest_of_bar,
+    overlap,
+    palm_corners,
+    palm_distance,
+    reach_of_bar,
+    tool_speeds,
+)
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .in_space import (
     approach_findings,
@@ -17,4 +38,4 @@ from .in_space import (
 from .landing import bound_words, drop_words, lands_well
 from .measures import Measures, grip_words, measures_of
 from .motion import FLYING, collision, held_verdict
-from .verdicts import Judge, Verdicts, is_as_successful, outside_tolerance, verdict
+from .verdicts import Judge, Verdicts, is_as_successful, outside_tolerance, verdict_on

@@ -26,7 +26,7 @@ from .motion import FLYING, NEAR, collision, joint_findings
 BETWEEN = 0.002
 
 
-def verdict(
+def verdict_on(
     throw: Throw,
     target: Pose | None = None,
     *,

@@ -33,7 +33,7 @@ from ...planner import (
     error_over,
     held_verdict,
     joint_samples,
-    verdict,
+    verdict_on,
 )
 from ...problems import InputError, Pose, checked
 from .expected_throw import ExpectedThrow
@@ -381,7 +381,7 @@ class Session:
         )
         # A law of two numbers says where the joints are, not what turns them. It may land off the
         # target, or its time, as long as it lands nearer than before.
-        judged = verdict(throw, found.goal, sent=sent, driven=sent)
+        judged = verdict_on(throw, found.goal, sent=sent, driven=sent)
         judged = judged.without(Code.LANDING, Code.ARRIVAL)
         return judged.broken[0] if judged.broken else None
 

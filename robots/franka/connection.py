@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...planner import TICK, SentMotion, check_host
+from ...planner import TICK, SentMotion
 from ...problems import Arm, InputError, load_arm
+from ...workers import check_host
 from ..gripper import FORCES, OPEN_WIDTH, SPEED, GripperLink, GripperState, load_franka
 from ..gripper import PORT as GRIPPER_PORT
 from ..motions import arm_of, grasp_of, is_franka

@@ -14,7 +14,7 @@ from throwplan.models.robot import PlanarHand, hand_motion
 from throwplan.planner.throw import TICK, Manipulator, Samples, Throw, excesses, make_manipulator
 from throwplan.planner.throw.loads import load_torques
 from throwplan.planner.throw.manipulator import HandError
-from throwplan.planner.verdict import Code, measures_of, verdict
+from throwplan.planner.verdict import Code, measures_of, verdict_on
 
 
 def lifting_hand(scene: tp.Scene, acceleration: float) -> tuple[Manipulator, Trajectory]:
@@ -41,7 +41,7 @@ def test_a_throw_whose_top_is_the_targets_height_is_not_taken(below, grazes, pla
     top = float(start.z + start.v_z**2 / (2 * plan.scene.gravity))
     high = dataclasses.replace(throw, scene=plan.scene.aimed_at(target.changed(z=top - below)))
     assert high.lands
-    assert (Code.GRAZING in verdict(high).codes) == grazes
+    assert (Code.GRAZING in verdict_on(high).codes) == grazes
 
 
 def test_torques_are_those_of_the_motion_that_drives_the_joints(plan_of) -> None:
@@ -50,9 +50,9 @@ def test_torques_are_those_of_the_motion_that_drives_the_joints(plan_of) -> None
     weak = dataclasses.replace(throw.scene, torque=tp.Torque(limits=(1.0, 1.0, 1.0)))
     driven = dataclasses.replace(throw, scene=weak)
     assert measures_of(driven).torque[0].max() > 1.0 >= measures_of(throw).torque[0].max()
-    assert Code.TORQUE not in verdict(throw, sent=throw).codes
-    assert Code.TORQUE in verdict(throw, sent=throw, driven=driven).codes
-    assert Code.TORQUE not in verdict(throw, sent=driven).codes
+    assert Code.TORQUE not in verdict_on(throw, sent=throw).codes
+    assert Code.TORQUE in verdict_on(throw, sent=throw, driven=driven).codes
+    assert Code.TORQUE not in verdict_on(throw, sent=driven).codes
 
 
 def test_grip_use_of_a_lifted_level_bar_by_hand() -> None:
@@ -126,14 +126,14 @@ def test_a_bar_that_flies_into_the_palm_breaks_a_clearance_of_zero(loud_planner_
     for turning in np.linspace(15.0, 25.0, 21):
         other = dataclasses.replace(bare, error=HandError(omega=turning))
         hits.append(measures_of(other).value("palm")[0] < 0.0)
-        assert (Code.PALM in verdict(other).codes) == hits[-1]
+        assert (Code.PALM in verdict_on(other).codes) == hits[-1]
     assert 0 < sum(hits) < len(hits)
 
 
 def test_a_checked_throw_goes_to_another_process(cup_plan: tp.Plan) -> None:
     """What it has of this process's memory stays behind."""
     throw = dataclasses.replace(cup_plan.throw.deciding)
-    assert verdict(throw).ok
+    assert verdict_on(throw).ok
     sent = dataclasses.replace(pickle.loads(pickle.dumps(throw)))
     np.testing.assert_array_equal(measures_of(sent).rows, measures_of(throw).rows)
 

@@ -12,8 +12,7 @@ import throwplan as tp
 from adam.numpy import KinDynComputations
 from throwplan.cycles import HandPose, inverse_kinematics
 from throwplan.planner.throw import Samples, make_manipulator
-from throwplan.planner.verdict import motion_verdict
-from throwplan.planner.verdict.clearance import SpatialScene
+from throwplan.planner.verdict import SpatialScene, motion_verdict
 
 ARMS = ["pose", "fr3", "gen3", "iiwa14", "ur5e", "xarm7"]
 MARGIN = 0.05

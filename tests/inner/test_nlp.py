@@ -14,8 +14,7 @@ from builders import nlp_of, request_of, varied
 from throwplan.models import HandMotion
 from throwplan.models.release import SlidingPivot, Widths, rk4_step
 from throwplan.planner.ocp import Refinement, ThrowNlp, build_nlp, nlp_functions
-from throwplan.planner.search import Starts, Task
-from throwplan.planner.search.releases import ReleaseSampler
+from throwplan.planner.search import ReleaseSampler, Starts, Task
 from throwplan.planner.throw import make_manipulator
 
 

@@ -17,8 +17,14 @@ from throwplan.models import Trajectory
 from throwplan.models.robot import LinkCapsule
 from throwplan.pictures import serving, space_motion
 from throwplan.planner.throw import Throw, make_manipulator
-from throwplan.planner.verdict import collision, measures_of
-from throwplan.planner.verdict.clearance import Clearance, CollisionScene, held_bar, overlap
+from throwplan.planner.verdict import (
+    Clearance,
+    CollisionScene,
+    collision,
+    held_bar,
+    measures_of,
+    overlap,
+)
 from throwplan.problems import Obstacle
 
 from oracle import oracle_of, shapes
@@ -225,7 +231,7 @@ def test_a_bar_may_land_on_an_obstacle_but_not_inside(free, into, free_of):
 
 
 def test_a_saved_plan_keeps_its_obstacles(around, tmp_path, free_port):
-    around.save(tmp_path, draw=False)
+    around.save(tmp_path)
     again = tp.read_plan(tmp_path)
     assert again.scene.obstacle == (WALL,)
     assert not clearances(again)

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.text import Text
 from PIL import Image, ImageSequence
+from throwplan import pictures
 from throwplan.pictures import GREEN, GREY, RED, draw_releases, draw_throw, draw_throw_moving
 from throwplan.problems import Motion, Obstacle, OutlinePart
 
@@ -72,7 +73,7 @@ def share_of(picture: np.ndarray, colour: str) -> float:
 
 @pytest.mark.slow
 def test_the_gif_shows_every_phase_in_its_colour_on_white(loud_plan_of, tmp_path) -> None:
-    loud_plan_of("hand-flip").save(tmp_path / "plan", draw=False)
+    loud_plan_of("hand-flip").save(tmp_path / "plan")
     throw = tp.read_plan(tmp_path / "plan")
     draw_throw_moving(throw, tmp_path / "throw.gif")
     with Image.open(tmp_path / "throw.gif") as moving:
@@ -200,7 +201,7 @@ def test_an_obstacle_is_drawn_as_the_plane_cuts_it(saved) -> None:
 def test_an_outline_is_filled_where_its_capsules_are(saved) -> None:
     bar = hammer(tp.read_plan(saved("near-cup")).scene.object)
     axes, pose = Figure().subplots(), np.array([0.3, 0.4, 0.7])
-    tp.draw_bars(axes, bar, pose)
+    pictures.draw_bars(axes, bar, pose)
     (patch,) = axes.patches
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     points = np.random.default_rng(3).uniform(-0.2, 0.3, (1000, 2))

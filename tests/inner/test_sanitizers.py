@@ -35,7 +35,7 @@ for model in ("sp", "ls-step", "sp-paper"):
     "follow": """
 planner = tp.Planner(loud("pose"))
 plan, tick = planner.plan(patience=60.0), 0
-session, there = tp.follow(planner, plan), plan.target.changed(x=plan.target.x + 0.06)
+session, there = robots.follow(planner, plan), plan.target.changed(x=plan.target.x + 0.06)
 while (sent := session.throw.samples) and session.update(
     1e-3 * tick, sent.q[tick], sent.dq[tick], there if tick > 40 else plan.target
 ).status not in ("committed", "stopped"):
@@ -43,7 +43,7 @@ while (sent := session.throw.samples) and session.update(
 """,
     "recordings": """
 from throwplan.robots import Recording, joint_motion
-tp.plan(loud("fr3"), patience=60.0).save(folder, draw=False)
+tp.plan(loud("fr3"), patience=60.0).save(folder)
 motion = joint_motion(folder)
 seen = Recording(motion.times, motion.q, motion.q, (motion.throw.command_time,))
 assert seen.to_dict(motion)["succeeds"]

@@ -12,9 +12,9 @@ import throwplan as tp
 from builders import varied
 from scipy.interpolate import BPoly
 from throwplan.models import Trajectory
-from throwplan.planner.search.releases import Releases, ReleaseSampler
+from throwplan.planner.search import Releases, ReleaseSampler
 from throwplan.planner.throw import case_of, make_manipulator
-from throwplan.planner.verdict.clearance import column_distance
+from throwplan.planner.verdict import column_distance
 
 from benchmarks.judge import judge
 from benchmarks.plain_pivot import PlainPivot

@@ -11,8 +11,7 @@ import throwplan as tp
 from builders import loud, nlp_of, varied
 from throwplan.models import FlightLaw, FlightState
 from throwplan.planner.throw import Throw, cup_entries, make_manipulator
-from throwplan.planner.verdict import Code, measures_of, verdict
-from throwplan.planner.verdict.clearance import bar_outline
+from throwplan.planner.verdict import Code, bar_outline, measures_of, verdict_on
 from throwplan.problems import Landing, Torque
 
 G = 9.81
@@ -57,7 +56,7 @@ def test_what_each_section_costs() -> None:
 
 
 def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan) -> None:
-    assert cup_plan.solved and verdict(checked(cup_plan)).ok
+    assert cup_plan.solved and verdict_on(checked(cup_plan)).ok
     changes = {
         "cup: the bar does not get deep": {"cup": {"rim": cup_plan.scene.cup.rim - 2.0}},
         "cup clearance": {"cup": {"clearance": 0.0481}},
@@ -69,7 +68,7 @@ def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan) -> 
         "torque of joint": {"torque": Torque(limits=(1.0, 1.0, 1.0))},
     }
     for words, change in changes.items():
-        assert words in verdict(checked(cup_plan, **change)).words
+        assert words in verdict_on(checked(cup_plan, **change)).words
 
 
 @pytest.mark.slow
@@ -77,7 +76,7 @@ def test_palm_enters_the_nlp_when_it_decides_and_goes_into_a_warm_start() -> Non
     """Thrown backwards over the base, the bar would hit the hand: solved all the same."""
     planner = tp.Planner(tp.load_scene("pose").replace(torque=Torque(rate=1e6, margin=0.0)))
     first = planner.plan(tp.Pose(x=-0.9, z=0.1, theta=0.0), patience=90.0)
-    assert first.solved and verdict(checked(first)).ok
+    assert first.solved and verdict_on(checked(first)).ok
     assert first.constraints > nlp_of(planner.scene).size[1]
     again = planner.plan(tp.Pose(x=-0.905, z=0.1, theta=0.0), warm=first)
     assert again.solved and again.constraints == first.constraints
@@ -145,7 +144,7 @@ def test_a_scenes_torque_rate_is_kept_and_judged() -> None:
     free = tp.plan(loud("fr3").replace(torque=Torque(rate=1e6)))
     scene = free.scene.replace(torque=Torque(rate=2000.0))
     assert measures_of(free.throw.deciding).value("rate")[0] > 20000.0
-    judged = verdict(free.throw.deciding.in_scene(scene))
+    judged = verdict_on(free.throw.deciding.in_scene(scene))
     assert Code.TORQUE_RATE in judged.codes and "must be at most 2,000 N m/s" in judged.words
     plan = tp.Planner(scene).plan(patience=20.0)
     assert plan.solved and 500.0 < measures_of(plan.throw.deciding).value("rate")[0] <= 2000.0

@@ -9,9 +9,9 @@ import pytest
 import throwplan as tp
 from builders import varied
 from throwplan.models.robot import SpatialArm
-from throwplan.planner.search.releases import ReleaseSampler
+from throwplan.planner.search import ReleaseSampler
 from throwplan.planner.throw import make_manipulator
-from throwplan.planner.verdict import Code, measures_of, verdict
+from throwplan.planner.verdict import Code, measures_of, verdict_on
 
 #: Interval [s] of the differences.
 STEP = 2e-4
@@ -43,7 +43,7 @@ def test_a_slower_tool_changes_the_throw(free_plan) -> None:
     assert fastest(free_plan) > 1.1 * SLOW
     final = free_plan.throw.deciding
     slow = varied(final.scene, {"tool_speed": 2.0}, robot={"tool_speed": SLOW})
-    assert Code.TOOL_SPEED in verdict(dataclasses.replace(final, scene=slow)).codes
+    assert Code.TOOL_SPEED in verdict_on(dataclasses.replace(final, scene=slow)).codes
     plan = tp.plan(varied(tp.load_scene("pose"), robot={"tool_speed": SLOW}))
     assert plan.solved
     assert 0.95 * SLOW < fastest(plan) <= SLOW

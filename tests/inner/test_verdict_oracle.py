@@ -12,7 +12,7 @@ import throwplan as tp
 from builders import varied
 from throwplan.models.robot import LinkCapsule
 from throwplan.planner.throw import Throw, make_manipulator
-from throwplan.planner.verdict import Code, Finding, verdict
+from throwplan.planner.verdict import Code, Finding, verdict_on
 from throwplan.problems import (
     Distribution,
     Landing,
@@ -121,11 +121,11 @@ def compared(throw: Throw, oracle: Oracle, random: np.random.Generator) -> set[C
     # The oracle judges no torque rate.
     doubt.add(Code.TORQUE_RATE)
     true = {code_of(name) for name, f in found.items() if f.broken[0]}
-    said = {code_of_finding(each) for each in verdict(other).broken}
+    said = {code_of_finding(each) for each in verdict_on(other).broken}
     if Code.NO_LANDING in true:
         assert Code.NO_LANDING in said
         return true
-    assert said - doubt == true - doubt, verdict(other).words
+    assert said - doubt == true - doubt, verdict_on(other).words
     return true
 
 
@@ -150,7 +150,7 @@ def test_a_hand_without_a_palm_keeps_its_clearance_by_its_capsules(plan_of, save
         judged = Oracle(scene, oracle.samples, again.opening_time).judge(planned=True)
         links = judged.found["flying bar, links"]
         if abs(links.value[0] - links.limit[0]) > MOVED:
-            found = [each for each in verdict(again).broken if each.other == "hand"]
+            found = [each for each in verdict_on(again).broken if each.other == "hand"]
             assert bool(found) == links.broken[0], aside
             said.add(bool(found))
             for each in found:
@@ -177,7 +177,7 @@ def test_verdicts_on_an_outline_are_the_oracles(tmp_path) -> None:
     scene = varied(tp.load_scene("near-cup"), cup={"radius": 0.09})
     hammer = replace(scene.object, width=0.0, outline=(handle, head))
     plan = tp.plan(scene.replace(object=hammer))
-    plan.save(tmp_path, draw=False)
+    plan.save(tmp_path)
     seen = codes_of(plan.throw.deciding, read_oracle(tmp_path), 1, 40)
     # Each kind of distance is too small in some change.
     assert {Code.COLLISION, Code.FLOOR, Code.COLUMN, Code.PALM, Code.CUP_WALL} <= seen
@@ -191,7 +191,7 @@ def test_each_throw_of_an_outline_succeeds_where_the_oracle_says(name: str, tmp_
     errors = {key: Distribution(normal=value) for key, value in spread.items()}
     plan = tp.plan(scene.replace(uncertainty=Uncertainty(**errors)))
     assert plan.status == "solved", plan.message
-    plan.save(tmp_path, draw=False)
+    plan.save(tmp_path)
     tp.sweep(plan, samples=300).save(tmp_path / "sweep")
     rows, found = read_rows(tmp_path)
     judged, success = read_oracle(tmp_path).judge(rows), found["success"] > 0

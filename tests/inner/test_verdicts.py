@@ -98,7 +98,7 @@ def test_throws_are_judged_as_the_oracle_judges_them(name: str, tmp_path) -> Non
     plan = plan.nearest or plan
     judge, values = scattered(plan)
     together = judge.verdicts(values)
-    plan.save(tmp_path, draw=False)
+    plan.save(tmp_path)
     rows = dict(zip(judge.batch.names, values.T, strict=True))
     true = read_oracle(tmp_path).judge(rows)
     differ = (together.succeeds != true.success) & true.sure

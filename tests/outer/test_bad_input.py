@@ -427,7 +427,7 @@ def test_what_cannot_be_written_whole_is_not_begun(folder, refused, untouched, p
     untouched()
     assert "--out" in refused("simulate drop --model sp --out out")
     with pytest.raises(InputError, match="--out out"):
-        plan_of("hand-box").save("out", draw=False)
+        plan_of("hand-box").save("out")
 
 
 # What is odd. Hostile files and words are in test_fuzz.py.

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import loud, made_throws
+from throwplan import lab, robots
 
 #: A bias, x [m] and theta [rad].
 BIAS = (0.03, math.radians(6.0))
@@ -24,7 +25,7 @@ def plans(tmp_path_factory) -> tuple[Path, list[tp.Plan]]:
     made = [planner.plan(tp.Pose(x=x, z=0.1, theta=0.0)) for x in (1.18, 1.2, 1.22)]
     for name, plan in zip("abc", made, strict=True):
         assert plan.solved
-        plan.save(folder / name, draw=False)
+        plan.save(folder / name)
     return folder, made
 
 
@@ -108,7 +109,7 @@ def test_from_a_csv_to_a_plan_that_aims_beside_the_target(run, plans, tmp_path, 
 
 def test_in_python_the_section_serves_a_scene_and_its_file(plans, tmp_path):
     throws_file(plans, tmp_path / "throws.csv", 9)
-    found = tp.calibrate(tmp_path / "throws.csv", "pose")
+    found = lab.calibrate(tmp_path / "throws.csv", "pose")
     scene = found.apply(loud("pose"))
     assert scene.calibration == found.section
     assert scene.calibration.bias == pytest.approx(found.residuals.landing.mean(axis=0))
@@ -138,7 +139,7 @@ def test_a_hidden_bias_is_halved(plans, tmp_path):
         x, theta = lands(made[i % 3])
         lines.append(f"{folder / 'abc'[i % 3]},{x},{theta}")
     (tmp_path / "throws.csv").write_text("\n".join(lines))
-    found = tp.calibrate(tmp_path / "throws.csv", scene)
+    found = lab.calibrate(tmp_path / "throws.csv", scene)
     plan = tp.Planner(found.apply(scene), library=False).plan()
     assert plan.solved
     assert plan.to_dict()["calibration"]["holds"]
@@ -161,7 +162,7 @@ def test_the_region_covers_new_throws_of_any_distribution(plans, tmp_path):
         drawn = rng.standard_t(3, (70, 2)) @ mix.T + BIAS
         lines = [f"a,{x + dx},{theta + turn}" for dx, turn in np.clip(drawn[:20], -0.9, 0.9)]
         (folder / "throws.csv").write_text("\n".join(["plan,x,theta", *lines]))
-        known = tp.calibrate(folder / "throws.csv", "pose").section
+        known = lab.calibrate(folder / "throws.csv", "pose").section
         off = np.abs(drawn[20:] - known.bias) <= (known.position, known.angle)
         inside.append(off.all(axis=1).mean())
     # Of 100 sets the mean has a standard error below 0.01.
@@ -185,7 +186,7 @@ def test_without_the_section_nothing_is_added(plans):
 def test_a_replay_compares_landings_without_the_bias():
     pytest.importorskip("mujoco")
     plan = tp.plan(loud("pose").replace(calibration=calibration()))
-    replay = tp.replay(plan, step=1e-4)
+    replay = lab.replay(plan, step=1e-4)
     (one,) = replay.objects
     dx, dtheta = one.off("limit_surface")
     assert abs(dx) < 2e-3 < abs(BIAS[0]) and abs(dtheta) < math.radians(1) < abs(BIAS[1])
@@ -237,7 +238,7 @@ def test_warm_moving_and_followed_throws_have_the_bias_too():
         missed = bare.miss(one.goal)
         assert missed == pytest.approx((-BIAS[0], -BIAS[1]), abs=3e-3)
     # An arm that follows exactly, and a target that has jumped by 2 cm.
-    session, tick = tp.follow(planner, plan, 0.02), 0
+    session, tick = robots.follow(planner, plan, 0.02), 0
     there = tp.Pose(x=1.22, z=0.1, theta=0.0)
     status = ""
     while status not in ("committed", "stopped"):
@@ -269,10 +270,10 @@ def test_throws_aimed_by_a_calibration_calibrate_again(tmp_path):
     """They land on their target; their residual is the bias itself, not what is left of it."""
     scene = loud("pose").replace(calibration=calibration())
     plan = tp.plan(scene)
-    plan.save(tmp_path / "aimed", draw=False)
+    plan.save(tmp_path / "aimed")
     (tmp_path / "throws.csv").write_text("\n".join(["plan,x,theta", *["aimed,1.2,0.0"] * 9]))
     for base in (scene, "pose"):
-        found = tp.calibrate(tmp_path / "throws.csv", base)
+        found = lab.calibrate(tmp_path / "throws.csv", base)
         assert found.section.bias == pytest.approx(BIAS, abs=1e-3)
 
 
@@ -280,7 +281,7 @@ def test_throws_aimed_by_a_calibration_calibrate_again(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def recorded() -> tuple[tp.ThrowData, tp.Scene]:
+def recorded() -> tuple[lab.ThrowData, tp.Scene]:
     """18 made throws, and a scene with their object, grip and true contact."""
     scene = loud("pose")
     return made_throws(), scene.replace(
@@ -291,12 +292,12 @@ def recorded() -> tuple[tp.ThrowData, tp.Scene]:
 
 def test_recordings_are_predicted_by_the_scene(recorded):
     data, scene = recorded
-    found = tp.calibrate(data, scene)
+    found = lab.calibrate(data, scene)
     # The scene has the true contact: little is left but the stated scatter and noise.
     assert abs(found.section.x) < 0.003 and abs(found.section.theta) < math.radians(1.5)
     assert 0.002 < found.section.position < 0.02
     late = [dataclasses.replace(t, command=t.command + 0.008) for t in data.throws]
-    shifted = tp.calibrate(dataclasses.replace(data, throws=tuple(late)), scene)
+    shifted = lab.calibrate(dataclasses.replace(data, throws=tuple(late)), scene)
     assert abs(shifted.section.x - found.section.x) > 0.004
 
 
@@ -305,11 +306,11 @@ def test_a_throw_is_left_out_of_the_fit_that_predicts_it(recorded):
     data, scene = recorded
     scene = scene.replace(uncertainty=tp.Uncertainty(delay=tp.Distribution(uniform=0.002)))
     few = data.picked(list(range(0, 18, 2)))
-    before = tp.calibrate(few, scene, fit=True)
+    before = lab.calibrate(few, scene, fit=True)
     x, z, theta = few.throws[4].landing
     far = dataclasses.replace(few.throws[4], landing=(x + 0.1, z, theta))
     throws = (*few.throws[:4], far, *few.throws[5:])
-    after = tp.calibrate(dataclasses.replace(few, throws=throws), scene, fit=True)
+    after = lab.calibrate(dataclasses.replace(few, throws=throws), scene, fit=True)
     change = after.residuals.landing - before.residuals.landing
     assert change[4] == pytest.approx([0.1, 0.0], abs=1e-12)
     assert before.guaranteed is None and before.section.fitted
@@ -334,7 +335,7 @@ def test_too_few_throws_are_refused_with_the_number_needed(
     throws_file(plans, path, count)
     assert f"at least {needed}" in refused(f"calibrate --scene pose --level {level}", path)
     throws_file(plans, path, needed)
-    assert tp.calibrate(path, "pose", level).section.throws == needed
+    assert lab.calibrate(path, "pose", level).section.throws == needed
 
 
 @pytest.mark.parametrize(
@@ -367,7 +368,7 @@ def test_wrong_files_and_options_are_refused(refused, plans, tmp_path):
     for level in ("1", "0.4", "nine"):
         assert "--level" in refused(f"calibrate --scene pose --level {level}", path)
     with pytest.raises(tp.InputError, match="recordings"):
-        tp.calibrate(path, "pose", fit=True)
+        lab.calibrate(path, "pose", fit=True)
 
 
 def test_another_object_or_grip_is_refused(recorded, plans, tmp_path):
@@ -377,11 +378,11 @@ def test_another_object_or_grip_is_refused(recorded, plans, tmp_path):
     pose = loud("pose")
     heavy = pose.replace(object=dataclasses.replace(pose.object, mass=0.3))
     with pytest.raises(tp.InputError, match="mass"):
-        tp.calibrate(path, heavy)
+        lab.calibrate(path, heavy)
     with pytest.raises(tp.InputError, match="force"):
-        tp.calibrate(path, scene)
+        lab.calibrate(path, scene)
     with pytest.raises(tp.InputError, match="force"):
-        tp.calibrate(data, pose)
+        lab.calibrate(data, pose)
 
 
 @pytest.mark.parametrize(
@@ -413,13 +414,13 @@ def test_a_known_mean_delay_is_no_bias() -> None:
     for plan in planned:
         assert plan.solved
         landing = plan.throw.deciding.landing
-        data = tp.throw_data([plan] * 9, [(landing.x, landing.theta)] * 9)
-        bias = tp.calibrate(data, plan.scene).section.bias
+        data = lab.throw_data([plan] * 9, [(landing.x, landing.theta)] * 9)
+        bias = lab.calibrate(data, plan.scene).section.bias
         assert np.abs(bias) == pytest.approx(np.zeros(2), abs=2e-3)
     # A recorded force that holds the delay already is not shifted by it again.
     grip = [dataclasses.replace(one, grip=one.grip.delayed(0.01)) for one in data.throws]
     recorded = dataclasses.replace(data, throws=tuple(grip))
     with pytest.raises(tp.InputError, match=r"falls 60.0 ms after the command, must be after \[g"):
-        tp.calibrate(recorded, late)
-    whole = tp.calibrate(recorded, late.replace(uncertainty=None)).section
+        lab.calibrate(recorded, late)
+    whole = lab.calibrate(recorded, late.replace(uncertainty=None)).section
     assert np.abs(whole.bias) == pytest.approx(np.zeros(2), abs=2e-3)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import throwplan as tp
 from builders import MADE_THROWS
+from throwplan import lab
 
 #: Lines of [contact] for each shape.
 LINES = {
@@ -66,14 +67,14 @@ def test_a_cycle_is_refused_with_a_shape(tmp_path, refused) -> None:
 
 def test_python_refuses_a_motion_with_a_shape_for_all_but_simulate(tmp_path) -> None:
     path = written(tmp_path, "drop", LINES["quartic"])
-    data = tp.load_throws(MADE_THROWS)
+    data = lab.load_throws(MADE_THROWS)
     for scene in (path, tp.load_scene(path)):
         for call in (
             tp.Planner,
             tp.simulate_batch,
             tp.reach_map,
-            lambda scene: tp.identify(data, prior=scene),
-            lambda scene: tp.calibrate(data, scene),
+            lambda scene: lab.identify(data, prior=scene),
+            lambda scene: lab.calibrate(data, scene),
         ):
             with pytest.raises(tp.InputError, match=r"mine.toml: \[contact\] shape"):
                 call(scene)

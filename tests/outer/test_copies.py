@@ -9,6 +9,7 @@ import pickle
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan import robots
 from throwplan.problems.scene_files import scene_from_table
 
 COPIES = [
@@ -33,7 +34,9 @@ def test_a_copied_plan_works_with_its_planner(copied, solved, pose_planner) -> N
     moved, expected = (pose_planner.plan(near, warm=one) for one in (plan, solved))
     assert moved.starts == expected.starts == 1 and moved.iterations < solved.iterations
     assert moved.throw.deciding.landing.pose == expected.throw.deciding.landing.pose
-    assert tp.follow(pose_planner, plan).throw.landing.pose == solved.throw.deciding.landing.pose
+    assert (
+        robots.follow(pose_planner, plan).throw.landing.pose == solved.throw.deciding.landing.pose
+    )
     assert (tp.sweep(plan, samples=8).success == tp.sweep(solved, samples=8).success).all()
 
 
@@ -43,7 +46,7 @@ def test_a_copied_planner_takes_plans_of_its_scene(copied, solved, pose_planner)
     assert planner.scene == pose_planner.scene
     near = dataclasses.replace(solved.target, x=solved.target.x - 0.003)
     assert planner.plan(near, warm=solved).iterations < solved.iterations
-    assert tp.follow(planner, solved).throw.landing.pose == solved.throw.deciding.landing.pose
+    assert robots.follow(planner, solved).throw.landing.pose == solved.throw.deciding.landing.pose
 
 
 @pytest.mark.slow
@@ -51,7 +54,7 @@ def test_a_copied_planner_takes_plans_of_its_scene(copied, solved, pose_planner)
 @pytest.mark.parametrize("shift", [0.004, 0.3])
 def test_a_copied_session_goes_on_as_the_session_does(copied, shift, solved, pose_planner) -> None:
     """Also one that has stopped."""
-    session, samples = tp.follow(pose_planner, solved), solved.throw.samples
+    session, samples = robots.follow(pose_planner, solved), solved.throw.samples
     target = dataclasses.replace(solved.target, x=solved.target.x + shift)
     ends = int(1000 * session.throw.command_time) - 22
     for k in (ends - 20, ends):
@@ -68,7 +71,7 @@ def test_plans_of_other_scenes_are_no_warm_plans(solved, pose_planner) -> None:
     cold, warm = slippery.plan(), slippery.plan(warm=solved)
     assert warm.iterations == cold.iterations and warm.throw.effort == cold.throw.effort
     with pytest.raises(tp.InputError, match="follow: needs a solved plan of this planner's scene"):
-        tp.follow(slippery, solved)
+        robots.follow(slippery, solved)
     moved = solved.scene.replace(target=dataclasses.replace(solved.target, x=0.95))
     again = tp.Planner(moved, library=False).plan(solved.target, warm=solved)
     assert again.iterations < solved.iterations
@@ -80,7 +83,7 @@ def test_a_plan_is_of_its_scene_by_whatever_name_and_file(solved, tmp_path) -> N
     renamed = tp.load_scene(tmp_path / "mine.toml").replace(name="mine", description="")
     planner = tp.Planner(renamed, library=False)
     assert planner.plan(warm=solved).iterations < solved.iterations
-    assert tp.follow(planner, solved).throw.landing_time == solved.throw.landing_time
+    assert robots.follow(planner, solved).throw.landing_time == solved.throw.landing_time
 
 
 @pytest.mark.parametrize("name", ["near-cup", "gen3"])
@@ -98,6 +101,6 @@ def test_arrays_that_are_handed_in_stay_as_they_are() -> None:
     hand = {"times": np.linspace(0.0, 0.2, 5), "poses": poses, "delays": np.zeros(2)}
     tp.simulate_batch(tp.load_scene("drop"), hand=hand)
     rate = np.ones(3)
-    response = tp.Response(rate, np.zeros(3))
+    response = robots.Response(rate, np.zeros(3))
     assert not response.rate.flags.writeable
     assert all(array.flags.writeable for array in (*hand.values(), rate))

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan import robots
 from throwplan.planner.throw import TICK, Samples, excesses
 from throwplan.robots.following import Response, Session, Update
 
@@ -63,7 +64,7 @@ def check_hit(session: Session, goal: tp.Pose) -> None:
 
 @pytest.mark.parametrize(("jump", "turn"), [(0.06, 0.0), (-0.05, 0.2), (0.0, -0.3)])
 def test_a_target_that_jumps_is_hit(pose_planner, plan, jump, turn) -> None:
-    session, target = tp.follow(pose_planner, plan, HORIZON), plan.target
+    session, target = robots.follow(pose_planner, plan, HORIZON), plan.target
     there = target.changed(x=target.x + jump, theta=target.theta + turn)
     updates, *_ = played(session, lambda t: target if t < 0.04 else there)
     check_hit(session, there)
@@ -77,7 +78,7 @@ def test_a_target_that_speeds_up_is_hit_where_it_then_is(pose_planner) -> None:
     scene = pose_planner.scene.replace(torque=tp.Torque(rate=1e5), cost=tp.Cost(quiet=0.0))
     planner = tp.Planner(scene, library=False)
     plan = planner.plan(scene.target.changed(velocity=(0.1,)))
-    session, start = tp.follow(planner, plan, HORIZON), plan.target.x
+    session, start = robots.follow(planner, plan, HORIZON), plan.target.x
 
     def where(t: float) -> float:
         return start + 0.1 * t + 0.12 * max(t - 0.06, 0.0)
@@ -91,7 +92,7 @@ def test_a_target_that_speeds_up_is_hit_where_it_then_is(pose_planner) -> None:
 
 
 def test_a_target_that_leaves_the_reach_stops_the_swing(pose_planner, plan) -> None:
-    session, target = tp.follow(pose_planner, plan, HORIZON), plan.target
+    session, target = robots.follow(pose_planner, plan, HORIZON), plan.target
     updates, sent, _ = played(session, lambda t: target.changed(x=target.x + 40 * t**2), 10)
     last = updates[-1]
     assert last.status == "stopped" and last.command_time is None
@@ -105,7 +106,7 @@ def test_joints_that_lag_are_learnt_on_the_way(loud) -> None:
     """By joints that follow 6 ms late the measured motion lands nearer by over three times."""
     law = Response(np.full(3, 120.0), np.full(3, 0.3))
     noise, plan = np.random.default_rng(0), loud.plan()
-    session, target = tp.follow(loud, plan, HORIZON), plan.target
+    session, target = robots.follow(loud, plan, HORIZON), plan.target
 
     def measured(q: np.ndarray) -> np.ndarray:
         return law.all(q) + noise.normal(scale=2e-4, size=q.shape)
@@ -140,7 +141,7 @@ WRONG_UPDATES = [
 
 
 def test_wrong_updates_leave_the_motion_as_it_is(pose_planner, plan) -> None:
-    session = tp.follow(pose_planner, plan, HORIZON)
+    session = robots.follow(pose_planner, plan, HORIZON)
     q, dq = plan.throw.samples.q, plan.throw.samples.dq
     moved = plan.target.changed(x=plan.target.x + 0.02)
     session.update(0.05, q[50], dq[50], moved)
@@ -154,11 +155,11 @@ def test_wrong_updates_leave_the_motion_as_it_is(pose_planner, plan) -> None:
 
 def test_what_can_be_followed(pose_planner, plan, planner_of, plan_of) -> None:
     with pytest.raises(tp.InputError, match=r"horizon = 0\.5: must be above 0 s and below 0\.2"):
-        tp.follow(pose_planner, plan, 0.5)
+        robots.follow(pose_planner, plan, 0.5)
     with pytest.raises(tp.InputError, match="follow: needs a solved plan of this planner's scene"):
-        tp.follow(planner_of("near-cup"), plan)
+        robots.follow(planner_of("near-cup"), plan)
     with pytest.raises(tp.InputError, match=r"follow: only for a scene with \[robot\]"):
-        tp.follow(planner_of("hand-box"), plan_of("hand-box"))
+        robots.follow(planner_of("hand-box"), plan_of("hand-box"))
 
 
 @pytest.mark.parametrize("rate", [5.0, 50.0, 200.0, 450.0])
@@ -175,7 +176,7 @@ def test_a_lag_is_found_from_exact_joints(plan, rate, share) -> None:
 def test_before_the_motion_all_of_it_is_to_come(pose_planner, plan) -> None:
     """A controller that begins with the session gets the samples from the first on."""
     samples = plan.throw.samples
-    first = tp.follow(pose_planner, plan).update(-1.0, samples.q[0], samples.dq[0])
+    first = robots.follow(pose_planner, plan).update(-1.0, samples.q[0], samples.dq[0])
     joints = [j - 1 for j in plan.scene.arm.throwing_joints]
     np.testing.assert_allclose(first.q[:, joints], samples.q, rtol=0, atol=1e-12)
 
@@ -186,7 +187,7 @@ def test_a_target_with_a_time_is_followed_though_it_is_hit_at_another(pose_plann
     target = pose_planner.scene.target.changed(arrival=1.0)
     plan = pose_planner.plan(target)
     assert plan.solved
-    session, there = tp.follow(pose_planner, plan, HORIZON), target.changed(x=target.x + jump)
+    session, there = robots.follow(pose_planner, plan, HORIZON), target.changed(x=target.x + jump)
     played(session, lambda t: target if t < 0.04 else there)
     assert abs(session.throw.landing_time - plan.throw.landing_time) > 1e-3
     check_hit(session, there)

@@ -82,7 +82,7 @@ def test_a_robot_throws_and_what_it_did_is_recorded(
     robot, loud_plan_of, tmp_path, run, table
 ) -> None:
     plan = tmp_path / "plan"
-    loud_plan_of("fr3").save(plan, draw=False)
+    loud_plan_of("fr3").save(plan)
     shown = run("run --dry --json", plan, "--robot", robot).json
     assert shown["approach"]["duration"] > 1.0
     out = tmp_path / "out"
@@ -213,5 +213,5 @@ def test_an_fr3s_controller_takes_its_scene(saved) -> None:
 @pytest.mark.slow
 def test_an_fr3s_controller_takes_targets_over_the_map(tmp_path) -> None:
     for plan in islice(over_map("fr3", seed=20), 8):
-        plan.save(tmp_path, draw=False)
+        plan.save(tmp_path)
         assert refusals(joint_motion(tmp_path).q) == [], plan.target

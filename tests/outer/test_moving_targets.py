@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import only
-from throwplan.planner.verdict import verdict
+from throwplan.planner.verdict import verdict_on
 
 
 def moving(planner: tp.Planner, speed: float | None = None, **changes) -> tp.Plan:
@@ -51,7 +51,7 @@ def test_a_target_is_met_where_it_then_is(loud_planner_of, speed) -> None:
 def test_a_target_that_comes_is_waited_for(pose_planner, tmp_path, table) -> None:
     plan = moving(pose_planner, -0.5, x=2.2)
     assert_met(plan)
-    plan.save(tmp_path, draw=False)
+    plan.save(tmp_path)
     rows = table(tmp_path / "motion.csv")
     still = int(np.argmax(np.abs(rows["dq4"]) > 0.0))
     assert still > 100 and (rows["q4"][:still] == rows["q4"][0]).all()
@@ -139,9 +139,9 @@ def test_a_throw_may_come_neither_late_nor_early(pose_planner, tmp_path) -> None
         assert end is not None
         last, first = (throw.delayed(share * end).landing_time for share in (0.99, 1.01))
         assert abs(last - 2.0) <= 1e-3 < abs(first - 2.0)
-    plan.save(tmp_path, draw=False)
+    plan.save(tmp_path)
     early = tp.read_plan(tmp_path).delayed(2 * bears.early)
-    assert [one.code.value for one in verdict(early, plan.target).broken] == ["arrival"]
+    assert [one.code.value for one in verdict_on(early, plan.target).broken] == ["arrival"]
 
 
 def test_what_a_delay_changes_is_relative_to_the_target(loud_plan_of) -> None:

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import nlp_of
-from throwplan.planner.verdict import Code, verdict
-from throwplan.planner.verdict.clearance import column_distance, lowest_of_bar
+from throwplan import lab
+from throwplan.planner.verdict import Code, column_distance, lowest_of_bar, verdict_on
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -310,7 +310,7 @@ def test_a_hammer_goes_past_a_fence_into_a_bin_as_the_verdict_says() -> None:
     """In MuJoCo, with the hammer's mesh, it touches nothing on its way and rests in the bin."""
     plan = tp.plan(EXAMPLES / "hammer.toml")
     assert plan.status == "solved", plan.message
-    (replay,) = tp.replay(plan).objects
+    (replay,) = lab.replay(plan).objects
     assert abs(replay.off("limit_surface")[0]) < 1e-3
     assert not {"hand", "base column", "obstacle fence"} & {*replay.touched}
     assert replay.rest.entered
@@ -327,7 +327,7 @@ def test_a_wall_in_the_way_is_hit_in_mujoco_and_named_by_the_verdict() -> None:
     x, z, _ = throw.flight(np.array([0.5 * throw.landing.flight_time]))[:, 0]
     wall = scene.obstacle[0].changed(size=(0.03, 0.6, 0.1), position=(float(x), 0.0, float(z)))
     into = replace(throw, scene=scene.replace(obstacle=(wall,)))
-    found = [f for f in verdict(into).broken if f.code is Code.COLLISION]
+    found = [f for f in verdict_on(into).broken if f.code is Code.COLLISION]
     assert "obstacle fence" in {f.other for f in found}
     made = replace(plan, scene=into.scene, throw=replace(plan.throw, deciding=into))
-    assert "obstacle fence" in tp.replay(made).objects[0].touched
+    assert "obstacle fence" in lab.replay(made).objects[0].touched

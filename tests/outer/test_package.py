@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan import pictures, robots
 
 ROOT = Path(__file__).parent.parent.parent
 #: Packages beside the core.
@@ -29,15 +30,18 @@ def test_a_plan_is_drawn_followed_and_read_back(tmp_path) -> None:
     assert landed == pytest.approx(plan.to_dict()["landing"]["sent"]["x"], abs=2e-3)
     assert path.times[-1] == pytest.approx(release["landing_time"], abs=1e-3)
     assert path.poses.shape == path.hand.shape == (len(path.times), 3)
-    plan.save(tmp_path, draw=False)
+    plan.save(tmp_path)
     motion = np.loadtxt(tmp_path / "motion.csv", delimiter=",", skiprows=1)
     both = min(len(motion), len(path.times))
     np.testing.assert_allclose(path.joints[:both], motion[:both, 1:8], atol=1e-9)
     saved = tp.read_plan(tmp_path)
     assert (saved.status, saved.message) == (plan.status, plan.message)
-    assert plan.draw(tmp_path / "one.png").axes and (tmp_path / "one.png").stat().st_size > 1000
+    assert (
+        pictures.draw(plan, tmp_path / "one.png").axes
+        and (tmp_path / "one.png").stat().st_size > 1000
+    )
     with pytest.raises(tp.InputError, match="franka"):
-        tp.export(plan)
+        robots.export(plan)
 
 
 def python(code: str, **options) -> str:

@@ -82,7 +82,7 @@ def test_a_built_in_scene_is_solved_as_it_is_sent(name, plan_of, tmp_path) -> No
     assert times["opening_time"] - times["command_time"] == pytest.approx(profile.dwell)
     assert times["detach_time"] - times["opening_time"] == pytest.approx(profile.opening)
     assert times["landing_time"] > times["detach_time"]
-    plan.save(tmp_path, draw=False)
+    plan.save(tmp_path)
     written = json.loads((tmp_path / "plan.json").read_text())
     assert set(written) >= set(answer)
     assert written["landing"] == answer["landing"] and written["release"] == times
@@ -225,9 +225,9 @@ def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
 @cache
 def test_no_motion_of_another_plan_stays(tmp_path, hand_box) -> None:
     """A second plan into the same folder that finds no throw: motion.csv is not its own."""
-    hand_box.plan().save(tmp_path, draw=False)
+    hand_box.plan().save(tmp_path)
     assert (tmp_path / "motion.csv").exists()
-    hand_box.plan(tp.Pose(x=0.3, z=1.7)).save(tmp_path, draw=False)
+    hand_box.plan(tp.Pose(x=0.3, z=1.7)).save(tmp_path)
     assert json.loads((tmp_path / "plan.json").read_text())["status"] != "solved"
     assert not (tmp_path / "motion.csv").exists()
 
@@ -299,7 +299,7 @@ def test_azimuth_turns_the_plane_by_joint_1(tmp_path, planner_of, plan_of, table
     assert answer["status"] == "solved"
     sent = answer["landing"]["sent"]
     assert (sent["x"], sent["y"]) == pytest.approx((target.x, target.y), abs=1e-3)
-    plan.save(tmp_path, draw=False)
+    plan.save(tmp_path)
     assert np.allclose(table(tmp_path / "motion.csv")["q1"], turn)
     opening = [one["release"]["opening_time"] for one in (answer, straight)]
     assert opening[0] == pytest.approx(opening[1], abs=0.02)
@@ -324,7 +324,7 @@ def test_a_hand_keeps_its_limits_until_it_rests(given, jerk, tmp_path, table) ->
     hand = {"z": (0.66, 0.74), "x": (-0.4, 0.25), **given}
     plan = tp.plan(varied(tp.load_scene("hand-box"), hand=hand, gripper={"opening": 0.1}))
     assert plan.status == "solved"
-    plan.save(tmp_path, draw=False)
+    plan.save(tmp_path)
     rows = table(tmp_path / "motion.csv")
     assert rows["z"].max() <= 0.74 and rows["z"].min() >= 0.66 and rows["x"].max() <= 0.25
     assert np.abs([rows["vx"], rows["vz"]]).max() <= 3.0

@@ -12,7 +12,7 @@ import throwplan as tp
 from builders import loud, varied
 from throwplan.models.robot import SpatialArm
 from throwplan.planner.throw import TICK
-from throwplan.planner.verdict import Code, measures_of, verdict
+from throwplan.planner.verdict import Code, measures_of, verdict_on
 from throwplan.problems import arms
 
 from oracle import read_oracle
@@ -65,7 +65,7 @@ def test_the_verdict_keeps_the_margin_that_the_nlp_keeps() -> None:
     assert wide.solved and use > 0.9
     for margin, kept in ((1 - use + 0.01, False), (1 - use - 0.01, True)):
         scene = varied(throw.scene, torque=tp.Torque(margin=margin))
-        assert (Code.TORQUE not in verdict(throw.in_scene(scene)).codes) == kept
+        assert (Code.TORQUE not in verdict_on(throw.in_scene(scene)).codes) == kept
 
 
 @pytest.mark.parametrize("name", ["near-cup", "hand-flip"])
@@ -76,7 +76,7 @@ def test_the_verdict_keeps_the_grip_s_margin(plan_of, name: str) -> None:
     assert use <= 1.0 - throw.scene.gripper.sticking_margin + 0.002
     for margin, kept in ((1 - use + 0.01, False), (1 - use - 0.01, True)):
         scene = varied(throw.scene, gripper={"sticking_margin": margin})
-        judged = verdict(throw.in_scene(scene))
+        judged = verdict_on(throw.in_scene(scene))
         assert (Code.SLIP_BEFORE_OPENING not in judged.codes) == kept
         assert judged.reserves == (not kept)
 

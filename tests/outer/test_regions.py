@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import loud
+from throwplan import robots
 from throwplan.problems import Calibration
 
 #: A region about the target of `pose`, by its bounds in x [m] and theta [rad].
@@ -104,7 +105,7 @@ def test_a_region_that_moves_is_met_where_it_then_is(pose_planner) -> None:
 
 
 def test_a_swing_is_corrected_if_it_would_land_outside(loud_planner, plan) -> None:
-    session, samples = tp.follow(loud_planner, plan), plan.throw.samples
+    session, samples = robots.follow(loud_planner, plan), plan.throw.samples
     inside = region(x=(1.1, 1.3), theta=(-0.3, 0.3))
     update = session.update(0.05, samples.q[50], samples.dq[50], inside)
     assert update.status == "kept" and session.throw is plan.throw.deciding
@@ -150,7 +151,7 @@ def test_a_sweep_counts_landings_in_the_region(pose_planner) -> None:
 
 
 def test_files_keep_the_bounds(plan, tmp_path) -> None:
-    plan.save(tmp_path, draw="png")
+    plan.save(tmp_path)
     saved = json.loads((tmp_path / "plan.json").read_text())
     assert saved["target"]["x"] == list(X)
     assert saved["target"]["theta"] == pytest.approx(THETA, abs=1e-15)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import edit_plan, with_grip
+from throwplan import cycles, lab
 from throwplan.planner.result import SentMotion, read_motion
 from throwplan.robots import ObjectReplay
 
@@ -52,7 +53,7 @@ def edited(folder: Path, copy: Path, **sections) -> Path:
 
 @pytest.fixture(scope="module")
 def into_cup(saved) -> ObjectReplay:
-    return tp.replay(saved("near-cup")).objects[0]
+    return lab.replay(saved("near-cup")).objects[0]
 
 
 def assert_off(result: ObjectReplay, other: str, millimetres: float, degrees: float) -> None:
@@ -78,7 +79,7 @@ def test_a_cup_that_moves_is_hit_as_it_sees_the_bar(loud_planner_of) -> None:
     """In the cup's frame the same physics: the throw ends in it, near the exact model's landing."""
     planner = loud_planner_of("near-cup")
     plan = planner.plan(planner.scene.target.changed(velocity=(-0.2,)))
-    result = tp.replay(plan, step=COARSE).objects[0]
+    result = lab.replay(plan, step=COARSE).objects[0]
     assert_off(result, "target", 0.5, 0.2)
     cup = result.to_dict()["cup"]
     assert cup["in"] and cup["at_rest"] and not cup["touched_rim"]
@@ -100,7 +101,7 @@ def test_flight_keeps_energy_and_momentum(into_cup, plan_of) -> None:
 
 def test_a_contact_with_torsion_is_the_limit_surface(saved) -> None:
     """The same ellipsoid: only the solvers differ."""
-    (result,) = tp.replay(saved("pose")).objects
+    (result,) = lab.replay(saved("pose")).objects
     assert_off(result, "limit_surface", 0.04, 0.03)
     assert result.hits == []
 
@@ -143,7 +144,7 @@ def test_files_and_a_hand_that_throws_full_turns(saved, tmp_path, run, table) ->
 
 def test_a_base_column_in_the_way_is_hit(saved, tmp_path) -> None:
     sections = {"workspace": {"column_radius": 0.95, "column_height": 0.8}}
-    (result,) = tp.replay(edited(saved("pose"), tmp_path / "column", **sections), COARSE).objects
+    (result,) = lab.replay(edited(saved("pose"), tmp_path / "column", **sections), COARSE).objects
     assert "base column" in result.touched
 
 
@@ -152,7 +153,7 @@ def test_a_base_column_in_the_way_is_hit(saved, tmp_path) -> None:
 
 @pytest.mark.slow
 def test_steps_do_not_decide_the_landing(into_cup, saved) -> None:
-    one, other = into_cup.to_dict(), tp.replay(saved("near-cup"), step=5e-5).objects[0].to_dict()
+    one, other = into_cup.to_dict(), lab.replay(saved("near-cup"), step=5e-5).objects[0].to_dict()
     a, b = one["landing"]["mujoco"], other["landing"]["mujoco"]
     assert a["x"] == pytest.approx(b["x"], abs=1e-4)
     assert a["theta"] == pytest.approx(b["theta"], abs=math.radians(0.05))
@@ -162,7 +163,7 @@ def test_steps_do_not_decide_the_landing(into_cup, saved) -> None:
 @pytest.mark.slow
 def test_what_bounces_may_leave_the_cup(saved) -> None:
     """The CoM stands at the rim's height: half its speed back is too much."""
-    (bounced,) = tp.replay(saved("near-cup"), restitution=0.5).objects
+    (bounced,) = lab.replay(saved("near-cup"), restitution=0.5).objects
     assert not bounced.to_dict()["cup"]["in"]
 
 
@@ -170,7 +171,7 @@ def test_what_bounces_may_leave_the_cup(saved) -> None:
 def test_a_turned_plane_gives_poses_in_the_base_frame(into_cup, saved, tmp_path) -> None:
     target = {"x": 0.9 * math.cos(1), "y": 0.9 * math.sin(1)}
     turned = edited(saved("near-cup"), tmp_path / "turned", target=target)
-    landing = tp.replay(turned).objects[0].to_dict()["landing"]["mujoco"]
+    landing = lab.replay(turned).objects[0].to_dict()["landing"]["mujoco"]
     straight = into_cup.to_dict()["landing"]["mujoco"]
     assert math.atan2(landing["y"], landing["x"]) == pytest.approx(1.0)
     assert math.hypot(landing["x"], landing["y"]) == pytest.approx(straight["x"], abs=1e-5)
@@ -225,7 +226,7 @@ def test_the_object_hits_the_hand_where_the_motion_moves_it(cycled) -> None:
     motion = read_motion(cycled)
     carry = motion.carries[0]
     alone = SentMotion("alone", motion.samples[: carry.free + 1], (carry,))
-    (free,) = tp.replay(alone).objects
+    (free,) = lab.replay(alone).objects
     assert free.hits == []
     begins, throw = carry.detach_time, carry.throw
     at = np.searchsorted(free.times, throw.detach_time + 0.2)
@@ -239,7 +240,7 @@ def test_the_object_hits_the_hand_where_the_motion_moves_it(cycled) -> None:
             return frames, hand
 
     blocked = Blocked(alone.name, alone.samples, alone.carries)
-    assert "hand (flying)" in tp.replay(blocked).objects[0].hits
+    assert "hand (flying)" in lab.replay(blocked).objects[0].hits
 
 
 @pytest.mark.slow
@@ -247,7 +248,7 @@ def test_a_grip_too_weak_for_the_carry_turns_the_object(cycled) -> None:
     """As the verdict says of it."""
     weak = with_grip(read_motion(cycled), 0.3)
     assert "grip" in weak.verdict.words
-    for one in tp.replay(weak).objects:
+    for one in lab.replay(weak).objects:
         assert one.turn > math.radians(1) and not one.inside
 
 
@@ -258,7 +259,7 @@ def test_an_object_at_its_pick_is_met_by_the_one_that_is_carried_through_it(cycl
     first, second = motion.carries
     through = (first.held + first.join) // 2
     second = dataclasses.replace(second, reach=through, held=through)
-    one, _ = tp.replay(dataclasses.replace(motion, carries=(first, second))).objects
+    one, _ = lab.replay(dataclasses.replace(motion, carries=(first, second))).objects
     assert "object other part" in one.collisions["carried"] and one.turn > math.radians(1)
 
 
@@ -271,9 +272,9 @@ def test_what_falls_into_a_cup_lies_on_what_is_in_it(tmp_path) -> None:
     """
     (tmp_path / "scene.toml").write_text(f"{tp.scene_text('near-cup')}\n[cost]\nquiet = 0.0\n")
     (tmp_path / "jobs.toml").write_text(INTO_CUP)
-    cycle = tp.plan_cycle(tp.load_jobs(tmp_path / "jobs.toml"))
+    cycle = cycles.plan_cycle(cycles.load_jobs(tmp_path / "jobs.toml"))
     assert cycle.solved, cycle.message
-    first, second = tp.replay(cycle).objects
+    first, second = lab.replay(cycle).objects
     assert first.hits == [] and first.inside and first.rest.inside and first.rest.at_rest
     assert second.collisions["carried"] == () and second.rest.entered
     assert second.rest.pose[2] > first.rest.pose[2]

@@ -182,7 +182,7 @@ def test_a_sweep_counts_the_throws_that_rest(tmp_path) -> None:
     assert found["low"] < found["rate"] == swept.rests.share <= found["high"]
     line = next(line for line in swept.summary().splitlines() if "rest in the cup" in line)
     assert line.split()[0] == f"{100 * swept.rests.share:.2f}"
-    plan.save(tmp_path, draw=False)
+    plan.save(tmp_path)
     definition = json.loads((tmp_path / "plan.json").read_text())["definition"]
     assert definition["rest"]["in"] == "cup"
     assert tp.read_plan(tmp_path).scene.rest == plan.scene.rest

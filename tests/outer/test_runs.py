@@ -16,7 +16,7 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 from simulated_robot import BINDING
 from throwplan.planner.result import SentMotion
-from throwplan.planner.verdict import verdict
+from throwplan.planner.verdict import verdict_on
 from throwplan.problems import InputError, Obstacle
 from throwplan.problems.arms import load_arm
 from throwplan.robots import (
@@ -70,7 +70,7 @@ def test_a_measured_throw_may_use_up_the_clearances_of_its_plan(plan, rest) -> N
     throw = (motion := joint_motion(plan)).throw
     workspace = throw.scene.workspace.changed(palm_clearance=0.2)
     roomy = throw.in_scene(throw.scene.changed(workspace=workspace))
-    assert verdict(roomy).broken and not verdict(throw).broken
+    assert verdict_on(roomy).broken and not verdict_on(throw).broken
     times = TICK * np.arange(len(motion.q) + rest)
     q = np.pad(motion.q, ((0, rest), (0, 0)), "edge")
     recording = Recording(times, q, q, (throw.command_time,))
@@ -115,7 +115,7 @@ def test_lags_are_learnt_over_the_map(tmp_path, loud_planner_of, x, theta_deg) -
     """Thrown over the base, too."""
     planner = loud_planner_of("fr3")
     target = planner.scene.target.in_plane(x, math.radians(theta_deg))
-    planner.plan(target, patience=20.0).save(tmp_path, draw=False)
+    planner.plan(target, patience=20.0).save(tmp_path)
     motion = joint_motion(tmp_path)
     recordings = [lagging(motion)]
     for _ in range(2):
@@ -131,7 +131,7 @@ def test_a_lag_is_learnt_for_a_target_with_a_time(tmp_path, loud_planner_of, cha
     planner = loud_planner_of("fr3")
     target = planner.scene.target
     target = target.changed(x=target.x - 0.7 * changes.get("velocity", [0.0])[0], **changes)
-    planner.plan(target, patience=20.0).save(tmp_path, draw=False)
+    planner.plan(target, patience=20.0).save(tmp_path)
     motion = joint_motion(tmp_path)
     recording = lagging(motion)
     assert errors(recording, motion)[0] > 0.05
@@ -274,7 +274,7 @@ def test_from_near_a_throws_end_the_way_goes_over_the_floor(tmp_path, loud_plann
     """Where the arm has been guided down, the shoulder is raised first."""
     planner = loud_planner_of("fr3")
     target = planner.scene.target.in_plane(1.3, math.radians(120))
-    planner.plan(target, patience=20.0).save(tmp_path, draw=False)
+    planner.plan(target, patience=20.0).save(tmp_path)
     motion = joint_motion(tmp_path)
     start = motion.q[-1].copy()
     start[1] += 0.4

@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan import robots
 
 #: Targets about the scene's own: x, z [m], theta [rad].
 OFFSETS = np.random.default_rng(5).uniform((-0.06, -0.04, -0.2), (0.06, 0.04, 0.2), (8, 3))
@@ -61,7 +62,7 @@ def run(planner: tp.Planner, first: tp.Plan, places: list[tp.Pose], expected: li
 
 def swing(planner: tp.Planner, plan: tp.Plan) -> list[tuple[str, float]]:
     """The updates of a swing to a target that is 4 mm farther than the plan's."""
-    session = tp.follow(planner, plan)
+    session = robots.follow(planner, plan)
     target = dataclasses.replace(plan.target, x=plan.target.x + 4e-3)
     samples, said = plan.throw.samples, []
     for k in range(0, 200, 20):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import MADE_PRODUCT, MADE_THROWS
+from throwplan import lab
 
 SMALL = """landing_height = -0.8
 description = "a bar of plastic"
@@ -52,7 +53,7 @@ def small(tmp_path) -> Path:
 
 
 def test_a_small_data_set_is_read(small) -> None:
-    data = tp.load_throws(small)
+    data = lab.load_throws(small)
     one, two = data.throws
     assert (one.name, one.object.mass, one.command) == ("throw, no. 1", 0.24, 0.1001)
     assert one.landing == (1.0, -0.8, 7.5) and one.track is None
@@ -108,7 +109,7 @@ def test_wrong_data_is_refused_in_one_line(file, old, new, message, small) -> No
     assert old in text
     (small / file).write_text(text.replace(old, new, 1))
     with pytest.raises(tp.InputError) as caught:
-        tp.load_throws(small)
+        lab.load_throws(small)
     told = str(caught.value)
     assert message in told and "\n" not in told
     assert file in told or "throws.csv" in told
@@ -118,11 +119,11 @@ def test_missing_folders_and_files_are_refused(small, tmp_path, refused) -> None
     assert "no such folder" in refused("identify", tmp_path / "nothing")
     (small / "throws.csv").unlink()
     with pytest.raises(tp.InputError, match=r"throws\.csv"):
-        tp.load_throws(small)
+        lab.load_throws(small)
 
 
 def test_the_shipped_throws_are_those_of_their_page() -> None:
-    data = tp.load_throws(MADE_THROWS)
+    data = lab.load_throws(MADE_THROWS)
     conditions = {(t.factors["pitch"], t.factors["release"]) for t in data.throws}
     assert (len(data.throws), len(conditions)) == (90, 3 * 6)
     assert data.truth["friction"] * data.truth["patch_radius"] == pytest.approx(MADE_PRODUCT)

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from PIL import Image
+from throwplan import pictures
 
 #: VTK draws by one of these, without a display.
 needs_opengl = pytest.mark.skipif(
@@ -85,11 +86,11 @@ def test_a_taken_port_is_named(saved, refused) -> None:
 def test_the_view_from_python(capsys, free_port, pose_planner, plan_of) -> None:
     """A plan is served for a while; its page's address is printed."""
     port = free_port()
-    tp.view(plan_of("hand-flip"), port=port, hold=0.05, browser=False)
+    pictures.view(plan_of("hand-flip"), port=port, hold=0.05, browser=False)
     assert capsys.readouterr().out == f"http://127.0.0.1:{port}\n"
     failed = pose_planner.plan(tp.Pose(x=9.0, z=0.1, theta=0.0), patience=0.05)
     with pytest.raises(tp.InputError, match="holds no throw"):
-        tp.view(failed)
+        pictures.view(failed)
 
 
 def test_wrong_options(saved, refused, tmp_path) -> None:

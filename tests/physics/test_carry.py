@@ -15,8 +15,7 @@ from builders import inertia_matrix, swinging, varied
 from throwplan.models import Contact, pinch_use
 from throwplan.planner.result import read_motion
 from throwplan.planner.throw import Samples, friction_use, make_manipulator
-from throwplan.planner.verdict import Code, Verdict, grip_use, motion_verdict
-from throwplan.planner.verdict.clearance import BAR, SpatialScene
+from throwplan.planner.verdict import BAR, Code, SpatialScene, Verdict, grip_use, motion_verdict
 from throwplan.problems import Obstacle
 from throwplan.robots import joint_motion
 

@@ -23,8 +23,7 @@ from ....models import Array
 from ....models.robot import ArmCapsules, Solid
 from ....problems import Scene
 from ...throw import Throw
-from ...verdict import FLYING
-from ...verdict.clearance import BAR, LANDING, CollisionScene, SweptBodies, bar_radii, held_bar
+from ...verdict import BAR, FLYING, LANDING, CollisionScene, SweptBodies, bar_radii, held_bar
 from ..request import Request
 from ..scene_constraint import BRAKE_SHARE, Brake, Flight, Instant, SceneConstraint, braked
 from ..transcription import Interval, Node, OutlinePoint

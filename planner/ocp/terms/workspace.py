@@ -12,7 +12,7 @@ import numpy as np
 from ....models.robot import PlanarArm
 from ....problems import Scene
 from ...throw import column_of
-from ...verdict.clearance import grasp_distance
+from ...verdict import grasp_distance
 from ..request import PALM_TIMES, Request
 from ..scene_constraint import Flight, Instant, SceneConstraint, braked
 from ..transcription import OutlinePoint, Scope

@@ -68,7 +68,7 @@ def arrival(releases: Releases, scene: Scene, pose: Pose, within: float) -> tupl
     return float(away.min(initial=np.inf)), float(lands[away <= within].min(initial=np.inf))
 
 
-def starts(
+def nearest_releases(
     releases: Releases, scene: Scene, target: Pose, turns: Turns, count: int
 ) -> list[tuple[int, Pose, float]]:
     """(release's number, goal, pose error [m]) of the `count` releases that land nearest.

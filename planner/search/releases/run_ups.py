@@ -15,7 +15,7 @@ from ....models import Array, Flags, FlightState, Trajectory
 from ....problems import Scene
 from ...ocp import BRAKE_SHARE, PALM_TIMES
 from ...throw import Manipulator, Throw, column_of
-from ...verdict.clearance import column_distance, held_bar, overlap, palm_distance
+from ...verdict import column_distance, held_bar, overlap, palm_distance
 
 #: Instants of the run-up, and of the flight, at which the bar is checked against the column.
 INSTANTS, FLIGHT_INSTANTS = 24, 40

@@ -20,7 +20,7 @@ from ....models.release import MODELS, SLIDING_PIVOT, ReleaseBatch
 from ....problems import Scene
 from ...ocp import BRAKE_SHARE
 from ...throw import Manipulator, friction_use
-from ...verdict.clearance import tool_speeds
+from ...verdict import tool_speeds
 from ..library import digest_of
 from .release_table import ARRAYS, Releases, joined
 from .run_ups import clears_carried, clears_thrown, run_up

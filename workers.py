@@ -17,8 +17,8 @@ from concurrent.futures import Executor, Future
 from multiprocessing import get_context, parent_process
 from typing import TypeVar
 
-from ..interrupts import interrupts_deferred
-from ..problems import InputError
+from .interrupts import interrupts_deferred
+from .problems import InputError
 
 T = TypeVar("T")
 #: progress(done, total) is called while work goes on.

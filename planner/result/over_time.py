@@ -11,7 +11,7 @@ from ...models import Array, HandMotion, Indices, pivot_wrench
 from ...models.robot import PlanarArm, SpatialArm
 from ..rest import rest_motion
 from ..throw import TICK, Manipulator
-from ..verdict.clearance import bar_outline, held_bar
+from ..verdict import bar_outline, held_bar
 
 if TYPE_CHECKING:
     from ...problems import Scene
