@@ -8,7 +8,7 @@ from .commands import COMMANDS
 from .controller_files import export
 from .expectations import Expectations
 from .following import Response, Session, Update, follow
-from .franka import Franka, connected, find_stops, rehearse, throws
+from .franka import Franka, approach, check_motion, connected, find_stops, rehearse, throws
 from .gripper import GripperLink, GripperReply, GripperState
 from .learning import corrected
 from .motions import commands_of, joint_motion

@@ -17,9 +17,9 @@ import numpy as np
 from throwplan import Planner
 from throwplan.cycles import Cycle, plan_cycle
 from throwplan.cycles.job_files import Jobs, load_jobs
+from throwplan.lab import ObjectReplay, replay
 from throwplan.planner.result import Plan, sent_motion
 from throwplan.planner.throw import TICK, State, joint_limits, transfer
-from throwplan.robots import ObjectReplay, replay
 
 from oracle import broken_limits
 

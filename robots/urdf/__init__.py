@@ -3,4 +3,8 @@
 Needs the extra `urdf`.
 """
 
+from .arm import kinematics_difference, limits_of, link_inertias
+from .chain import chain_of
 from .command import COMMANDS
+from .reading import read_urdf
+from .shapes import link_meshes

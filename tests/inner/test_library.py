@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import varied
+from throwplan import pictures
 from throwplan.planner.search import Library
 from throwplan.planner.throw import make_manipulator
 from throwplan.problems import Choice, Cost
@@ -273,7 +274,8 @@ def test_the_map_shows_it(prepared, tmp_path) -> None:
     x, theta, _ = prepared.library.landings(prepared.scene.target.z)
     np.testing.assert_allclose(found.solved, [x, theta])
     assert found.to_dict()["solved"] == prepared.prepared and "library:" in found.summary()
-    assert found.save(tmp_path).parent.joinpath("map.png").stat().st_size > 10_000
+    pictures.save(found, tmp_path)
+    assert (tmp_path / "map.png").stat().st_size > 10_000
 
 
 def test_the_robust_map_has_the_errors_of_sweeps(prepared, tmp_path) -> None:

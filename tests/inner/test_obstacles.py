@@ -15,7 +15,7 @@ import throwplan as tp
 from builders import varied
 from throwplan.models import Trajectory
 from throwplan.models.robot import LinkCapsule
-from throwplan.pictures import serving, space_motion
+from throwplan.pictures.space import serving, space_motion
 from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.verdict import (
     Clearance,

@@ -18,7 +18,7 @@ from matplotlib.path import Path
 from matplotlib.text import Text
 from PIL import Image, ImageSequence
 from throwplan import pictures
-from throwplan.pictures import GREEN, GREY, RED, draw_releases, draw_throw, draw_throw_moving
+from throwplan.pictures import GREEN, GREY, RED, draw_releases, save_figure
 from throwplan.problems import Motion, Obstacle, OutlinePart
 
 
@@ -31,9 +31,10 @@ DRAW = """
 import json, sys, matplotlib
 matplotlib.use("svg")
 import throwplan as tp
+from throwplan import pictures
 
-tp.plan("hand-box").save("plan")
-tp.reach_map("hand-box", samples=2000).save("map")
+pictures.save(tp.plan("hand-box"), "plan")
+pictures.save(tp.reach_map("hand-box", samples=2000), "map")
 pyplot = sorted(name for name in sys.modules if name.startswith("matplotlib.pyplot"))
 print(json.dumps([matplotlib.get_backend(auto_select=False), pyplot]))
 """
@@ -51,8 +52,8 @@ def test_drawing_neither_changes_the_backend_nor_imports_pyplot(tmp_path) -> Non
 @pytest.mark.parametrize("name", ["throw.png", "map.png"])
 def test_a_user_s_settings_change_no_picture(plan, name, tmp_path) -> None:
     draw = {
-        "throw.png": lambda path: draw_throw(plan.throw.deciding, path),
-        "map.png": lambda path: tp.reach_map("hand-box", samples=500).save(path.parent),
+        "throw.png": lambda path: pictures.draw(plan.throw.deciding, path),
+        "map.png": lambda path: pictures.draw(tp.reach_map("hand-box", samples=500), path),
     }[name]
     drawn = []
     for folder, settings in (
@@ -75,7 +76,7 @@ def share_of(picture: np.ndarray, colour: str) -> float:
 def test_the_gif_shows_every_phase_in_its_colour_on_white(loud_plan_of, tmp_path) -> None:
     loud_plan_of("hand-flip").save(tmp_path / "plan")
     throw = tp.read_plan(tmp_path / "plan")
-    draw_throw_moving(throw, tmp_path / "throw.gif")
+    pictures.save(throw, tmp_path)
     with Image.open(tmp_path / "throw.gif") as moving:
         length, frames = 0.0, []
         for frame in ImageSequence.Iterator(moving):
@@ -104,7 +105,8 @@ def given_motions() -> dict[str, tp.Scene]:
 @pytest.mark.parametrize("kind", ["moving", "weak"])
 def test_the_releases_are_drawn(kind: str, tmp_path) -> None:
     scene, path = given_motions()[kind], tmp_path / "releases.png"
-    draw_releases(scene, tp.simulate(scene, "ls" if kind == "moving" else "sp"), path)
+    runs = tp.simulate(scene, "ls" if kind == "moving" else "sp")
+    save_figure(draw_releases(scene, runs), path)
     with Image.open(path) as picture:
         assert 900 <= picture.width <= 1200 and 600 <= picture.height <= 1100
         # Not an empty sheet: some ink, mostly background.
@@ -177,7 +179,7 @@ def drawn_scenes(scene: tp.Scene) -> dict[str, tp.Scene]:
 def test_no_text_of_a_throws_picture_is_cut(kind: str, saved) -> None:
     throw = tp.read_plan(saved("near-cup"))
     scene = drawn_scenes(throw.scene)[kind]
-    assert not cut_texts(draw_throw(dataclasses.replace(throw, scene=scene), None))
+    assert not cut_texts(pictures.draw(dataclasses.replace(throw, scene=scene)))
 
 
 def area(corners: np.ndarray) -> float:
@@ -189,7 +191,7 @@ def area(corners: np.ndarray) -> float:
 def test_an_obstacle_is_drawn_as_the_plane_cuts_it(saved) -> None:
     throw = tp.read_plan(saved("near-cup"))
     scene = throw.scene.replace(obstacle=obstacles())
-    stage = draw_throw(dataclasses.replace(throw, scene=scene), None).axes[0]
+    stage = pictures.draw(dataclasses.replace(throw, scene=scene)).axes[0]
     drawn = {str(patch.get_label()): patch for patch in stage.patches}
     wall, post = drawn["obstacle"], drawn["obstacle beside the plane"]
     # 6 cm across a wall that is turned by 20 degrees; the post as seen from aside, not filled.

@@ -12,8 +12,7 @@ from typing import Any
 import pytest
 import throwplan as tp
 from browser import browsing, needs_browser
-from throwplan.pictures import empty_page
-from throwplan.pictures.space.play import PlayPage, first_plan
+from throwplan.pictures.space import PlayPage, empty_page, first_plan
 
 
 @contextmanager

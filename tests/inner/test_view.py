@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.pictures import serving, space_motion, space_throw
-from throwplan.robots import motion_to_rest
+from throwplan.pictures.space import motion_to_rest, serving, space_motion, space_throw
 
 AZIMUTH = np.radians(20.0)
 

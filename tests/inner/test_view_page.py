@@ -9,7 +9,7 @@ import pytest
 import throwplan as tp
 from browser import browsing, needs_browser
 from matplotlib.colors import rgb_to_hsv
-from throwplan.pictures import serving, space_motion
+from throwplan.pictures.space import serving, space_motion
 
 
 def count(picture: np.ndarray, hue: float, saturation: tuple[float, float], value: tuple) -> int:

@@ -16,10 +16,10 @@ from job_lists import HAMMER, ONE, POSE, POST, TWO, write_random_jobs
 from throwplan.cli import main
 from throwplan.cycles import Cycle, plan_cycle
 from throwplan.cycles.job_files import jobs_names, load_jobs
+from throwplan.lab import replay
 from throwplan.planner.result import read_motion
 from throwplan.planner.throw import TICK, Samples
 from throwplan.problems import Calibration
-from throwplan.robots import replay
 
 from oracle import broken_limits
 

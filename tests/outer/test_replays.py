@@ -13,8 +13,8 @@ import pytest
 import throwplan as tp
 from builders import edit_plan, with_grip
 from throwplan import cycles, lab
+from throwplan.lab import ObjectReplay
 from throwplan.planner.result import SentMotion, read_motion
-from throwplan.robots import ObjectReplay
 
 pytest.importorskip("mujoco")
 
