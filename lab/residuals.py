@@ -78,7 +78,7 @@ def recorded_residuals(
     for throw in data.throws:
         _check_object(throw.name, throw.object.mass, throw.object.com, scene)
     force = float(np.median([throw.grip.full for throw in data.throws]))
-    _check_force(f"{data.name}: the median of its grip forces", force, scene)
+    _check_force(f"{data.name}: median grip force", force, scene)
     if scene.mean_delay:
         _check_dwell(data, scene)
         data = delayed(data, scene.mean_delay)
@@ -86,7 +86,7 @@ def recorded_residuals(
     if fit:
         identified = identify(data, model, about=about)
         whole, predictor = identified.posterior, identified.predictor
-        progress = about("throws left out of the fit")
+        progress = about("left out of the fit")
         detach = identified.predict_left_out(np.arange(len(data.throws)), progress)
     else:
         predictor = Predictor.of(data)
@@ -134,7 +134,7 @@ def _thrown(plan: Path, scene: Scene) -> Throw:
     saved = read_plan(plan)
     bar = saved.scene.object
     _check_object(str(plan), bar.mass, bar.com, scene)
-    _check_force(f"{plan}: its grip force", saved.scene.gripper.profile().full, scene)
+    _check_force(f"{plan}: grip force", saved.scene.gripper.profile().full, scene)
     if saved.scene.arm != scene.arm:
         raise InputError(f"{plan}: its arm is not the scene's")
     return saved.in_scene(scene.changed(calibration=None).aimed_at(saved.target)).deciding

@@ -370,9 +370,7 @@ def test_grip_forces_are_compared_by_their_median(recorded):
     change = np.abs(after.residuals.landing - before.residuals.landing)
     assert change[0].max() > 1e-3 and change[1:].max() < 1e-9
     stronger = scene.replace(gripper=scene.gripper.changed(force=250.0))
-    with pytest.raises(
-        tp.InputError, match=r"median of its grip forces is .* N, must be within 10 %"
-    ):
+    with pytest.raises(tp.InputError, match="median"):
         tp.calibrate(data, stronger)
 
 
