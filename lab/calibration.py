@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from ..planner import region_words
 from ..problems import Calibration, InputError, Scene, as_scene, checked, filling, write_json
 from ..workers import Progress
 from .belief import applied, contact_text
+from .identification import no_progress
 from .residuals import Residuals, planned_residuals, recorded_residuals
 from .throws import ThrowData, load_throws
 
@@ -133,17 +135,18 @@ def calibrate(
     level: float = 0.9,
     *,
     fit: bool = False,
-    progress: Progress | None = None,
+    about: Callable[[str], Progress] | None = None,
 ) -> Calibrated:
     """Bias and region of a scene's landings from measured throws.
 
     data: measured throws, their folder, or a CSV file with the columns plan (a plan.json or its
     folder), x [m] and theta [rad] of the landing in the throw's plane. level: share of new throws
     that land in the region, 0.5 to 0.999. fit: friction and patch radius are fitted to these throws
-    too, for each residual to the others; needs recordings. progress(done, throws) counts the fits.
+    too, for each residual to the others; needs recordings. about(words) gives the progress of a
+    part. A throw with a recorded grip force is predicted by its own.
 
-    Raises InputError for too few throws for the level, for throws of another object or grip force
-    than the scene's, for a throw that the model lands nowhere, and for wrong files.
+    Raises InputError for too few throws for the level, for throws of another object or median grip
+    force than the scene's, for a throw that the model lands nowhere, and for wrong files.
     """
     scene, level = as_scene(scene), checked("level", level, float, Calibration.LEVEL)
     if scene.motion is not None:
@@ -153,7 +156,7 @@ def calibrate(
     if isinstance(data, ThrowData):
         source = data.name
         Calibration.check_level(len(data.throws), level)
-        found = recorded_residuals(data, scene, fit, progress)
+        found = recorded_residuals(data, scene, fit, about or no_progress)
     elif fit:
         raise InputError(f"fit: {data} has no recordings: give a folder of measured throws")
     else:

@@ -119,7 +119,7 @@ def calibrate_scene(options: argparse.Namespace) -> int:
         raise InputError("--fit, --only, --throws: only for a folder of measured throws")
     prepare_out(options, CALIBRATE_FILES)
     with Progress(f"{scene.name}: calibrating") as progress:
-        found = calibrate(data, scene, options.level, fit=options.fit, progress=progress)
+        found = calibrate(data, scene, options.level, fit=options.fit, about=progress.about)
     save_out(options, scene.name, found.save)
     text = f"{found.summary()}\n\n{found.text()}" if options.out is None else found.summary()
     if options.out is not None:

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ..models import BATCH_MODELS, Array
+from ..models import BATCH_MODELS, Array, Indices
 from ..pictures import Row, Table
 from ..workers import Progress
-from .fit import FitProblem
-from .identification import Identified, identify
+from .identification import Identified, identify, no_progress
 from .measured import conditions, pose_errors
-from .predict import Predictor
 from .throws import ThrowData
 
 #: Models that are compared: those that can be fitted in seconds.
@@ -35,7 +33,7 @@ def compare(
     out of it; and how much the latter is above that of the model that errs least. Without two
     conditions the last two have no number.
     """
-    show = about or (lambda words: lambda done, total: None)
+    show = about or no_progress
     found = [identify(data, model, about=about, **options) for model in FITTED]
     apart = [left_out(one, show(f"{one.model}: throws left out of the fit")) for one in found]
     least = min((errors for errors in apart if errors is not None), key=np.mean, default=None)
@@ -67,24 +65,13 @@ def left_out(found: Identified, progress: Progress) -> Array | None:
     """
     known = conditions(found.data)
     part = _parts(known)
-    count = int(part.max()) + 1
-    if count < 2:
+    if not part.any():
         return None
-    predictor = Predictor.of(found.data, None if found.cutoff is None else found.cutoff.cutoff)
-    names, off = found.posterior.names, np.empty_like(found.off)
-
-    def problem(rows: Array) -> FitProblem:
-        some = predictor.part(np.flatnonzero(rows))
-        return FitProblem(some, found.model, names, found.prior, lambda number: None)
-
-    for k in range(count):
-        point, _ = problem(part != k).fitted(found.posterior.mean)
-        off[part == k] = problem(part == k).missed_by(point[None])[0]
-        progress(k + 1, count)
-    return pose_errors(found.data, off)
+    landed = found.predictor.landed(found.predict_left_out(part, progress))
+    return pose_errors(found.data, landed - found.predictor.truth)
 
 
-def _parts(known: Sequence[Hashable]) -> Array:
+def _parts(known: Sequence[Hashable]) -> Indices:
     """The part (T,) of each throw, 0 to PARTS - 1 at most: equal conditions are in one part."""
     names = list(dict.fromkeys(known))
     order = np.random.default_rng(0).permutation(len(names))

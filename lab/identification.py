@@ -5,16 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..models import MODELS, STEPPED_SURFACE, Array, ReadOnly
+from ..models import MODELS, STEPPED_SURFACE, Array, Indices, ReadOnly
 from ..pictures import BLUE, GREEN, GREY, Table, new_figure, own_style, save_figure
 from ..problems import InputError, Scene, as_scene, filling, write_json
 from ..workers import Progress
-from .belief import Belief, applied, contact_text, prior_of
+from .belief import Belief, applied, contact_text, prior_of, sets_at
 from .cutoff import CutoffEffect, fit_at_cutoff
 from .fit import FitProblem
 from .measured import SURFACE, batch_surface, pose_errors
@@ -60,6 +61,29 @@ class Identified(ReadOnly):
     def pose_errors(self) -> Array:
         """Pose errors (T,) [m]: position plus angle times half the length; 10 without a landing."""
         return pose_errors(self.data, self.off)
+
+    @cached_property
+    def predictor(self) -> Predictor:
+        """Predicts the throws as in the fit, the joints low-passed at its cutoff."""
+        return Predictor.of(self.data, None if self.cutoff is None else self.cutoff.cutoff)
+
+    def predict_left_out(self, part: Indices, progress: Progress) -> Array:
+        """CoM pose and twist (T, 6) of each throw at detach, by a fit to the throws of other parts.
+
+        part (T,): number of each throw's part, from 0. Each fit begins anew: it owes nothing to the
+        throws that it predicts. The low-pass is that of the fit to all. progress(done, parts).
+        """
+        detach, count = np.empty((len(part), 6)), int(part.max()) + 1
+        names = self.posterior.names
+        for k in range(count):
+            mine, others = (
+                self.predictor.part(np.flatnonzero(rows)) for rows in (part == k, part != k)
+            )
+            problem = FitProblem(others, self.model, names, self.prior, lambda number: None)
+            sets = sets_at(names, problem.fitted()[0])
+            detach[part == k] = mine.detached(self.model, sets)[:, 0]
+            progress(k + 1, count)
+        return detach
 
     @property
     def error(self) -> float:
@@ -170,7 +194,7 @@ def identify(
         prior = prior_of(prior, names)
     elif prior is not None:
         names = prior.names
-    show = about or (lambda words: lambda done, total: None)
+    show = about or no_progress
     words, start = f"fit by {model}", time.perf_counter()
     show(words)
 
@@ -199,6 +223,11 @@ def identify(
         fit.evaluations,
         time.perf_counter() - start,
     )
+
+
+def no_progress(words: str) -> Progress:
+    """An `about` that shows nothing."""
+    return lambda done, total: None
 
 
 def _check_fit(data: ThrowData, model: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,8 +10,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..models import MODELS, Array, Body, FlightLaw, HandTrack, Indices, ReleaseBatch, Trajectory
-from ..planner import TICK, named_model, recorded_joints
+from ..models import (
+    MODELS,
+    Array,
+    Body,
+    FlightLaw,
+    HandTrack,
+    Indices,
+    ReleaseBatch,
+    Trajectory,
+    chunks,
+)
+from ..planner import TICK, PlanarArm, named_model, recorded_joints
 from ..problems import InputError, PadContact, checked
 from .measured import measured
 from .throws import MeasuredThrow, ThrowData
@@ -23,6 +33,9 @@ UNKNOWNS = ("friction", "patch_radius", "delay", "grip_scale")
 BASE = {"delay": 0.0, "grip_scale": 1.0}
 #: Largest delay [s].
 REACH = 0.05
+#: Throws times parameter sets of a batch. Throws share the cost of a call, but their sets share no
+#: spline then.
+BATCH_SIZE = 128
 #: Cutoff [Hz] of recorded joints where none is given: that of Liu and Billard.
 CUTOFF = 35.0
 
@@ -63,10 +76,10 @@ class Predictor:
 
         cutoff [Hz]: of recorded joints' low-pass, instead of the data's own.
         """
-        hands = []
+        hands, arm = [], None if data.arm is None else PlanarArm(data.arm)
         for throw in data.throws:
             try:
-                hands.append(_sampled(data, throw, cutoff or data.shared.cutoff or CUTOFF))
+                hands.append(_sampled(arm, throw, cutoff or data.shared.cutoff or CUTOFF))
             except ValueError as error:
                 raise InputError(f"{data.name}: throw {throw.name}: {error}") from None
         return cls(data, tuple(hands))
@@ -88,7 +101,7 @@ class Predictor:
             raise InputError(f"delay = {np.abs(sets[:, 2]).max():g}: must be at most {REACH:g} s")
         detach = np.full((len(self.data.throws), len(sets), 6), np.nan)
         known = MODELS[model]
-        for rows in self._groups(len(sets)):
+        for rows in chunks(len(self.data.throws), max(BATCH_SIZE // len(sets), 1)):
             found = known.throw(self._batch(rows, sets), known.fit_steps).detach
             detach[rows] = found.reshape(len(rows), len(sets), 6)
         return detach
@@ -102,22 +115,6 @@ class Predictor:
     def landings(self, model: str, sets: Array) -> Array:
         """x [m], theta [rad] (T, M, 2) of every throw with every parameter set (M, 4)."""
         return self.landed(self.detached(model, sets))
-
-    def _groups(self, sets: int) -> Iterator[Indices]:
-        """Groups of throws with equal fall of the grip force, a batch each with M sets per throw.
-
-        Larger batches are faster in NumPy.
-        """
-        alike: dict[bytes, list[int]] = {}
-        for i, throw in enumerate(self.data.throws):
-            shares = np.linspace(0.0, 1.0, 21)
-            fall = throw.grip.force(shares * throw.grip.opening) / throw.grip.full
-            alike.setdefault(np.round(fall, 9).tobytes(), []).append(i)
-        # Throws times sets of a batch of several throws.
-        batch_size = max(4096 // sets, 1)
-        for rows in alike.values():
-            for first in range(0, len(rows), batch_size):
-                yield np.array(rows[first : first + batch_size])
 
     def _batch(self, rows: Indices, sets: Array) -> ReleaseBatch:
         """Some throws with every parameter set as one batch, throw by throw."""
@@ -138,7 +135,7 @@ class Predictor:
             friction.size,
             Body(*spread([_body(throw) for throw in throws]).T),
             shared.contact(friction, radius),
-            throws[0].grip,
+            np.array([throw.grip for throw in throws]).repeat(len(sets)),
             Trajectory.through(times, several, delay),
             spread([throw.grip.opening for throw in throws]),
             spread([throw.grip.full for throw in throws]) * scale,
@@ -147,14 +144,16 @@ class Predictor:
         )
 
 
-def _sampled(data: ThrowData, throw: MeasuredThrow, cutoff: float) -> Trajectory:
-    """The hand from the opening's start on, through its poses at whole milliseconds."""
+def _sampled(arm: PlanarArm | None, throw: MeasuredThrow, cutoff: float) -> Trajectory:
+    """The hand from the opening's start on, through its poses at whole milliseconds.
+
+    arm: of recorded joints, None for motions of the hand."""
     times, opening = throw.times - throw.opening, throw.grip.opening
     hand: HandTrack
-    if data.arm is None:
+    if arm is None:
         hand = Trajectory.through(times, throw.motion)
     else:
-        hand = recorded_joints(data.arm, throw.times, throw.motion, throw.opening, cutoff)
+        hand = recorded_joints(arm, throw.times, throw.motion, throw.opening, cutoff)
     first = max(float(times[0]), -max(throw.grip.dwell, REACH) - 2 * TICK)
     last = min(float(times[-1]), opening + REACH + 2 * TICK)
     even = TICK * np.arange(np.ceil(first / TICK), np.floor(last / TICK) + 1)

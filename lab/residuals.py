@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -54,12 +55,14 @@ class Residuals(ReadOnly):
 
 
 def recorded_residuals(
-    data: ThrowData, scene: Scene, fit: bool, progress: Progress | None = None
+    data: ThrowData, scene: Scene, fit: bool, about: Callable[[str], Progress]
 ) -> Residuals:
-    """Of a data set with recordings, by the scene's model, contact and mean delay.
+    """Of a data set with recordings, by the scene's model, contact and mean delay, and by each
+    throw's own recorded grip force.
 
-    fit: by a contact fitted to the other throws. InputError for another object, grip force or shape
-    of the contact than the scene's, and where recorded forces may hold its mean delay already.
+    fit: by a contact fitted to the other throws. InputError for another object, median of the grip
+    forces or shape of the contact than the scene's, and where recorded forces may hold its mean
+    delay already.
     """
     for key in ("torsion", "faces"):
         there, here = getattr(data.shared, key), getattr(scene.contact, key)
@@ -68,37 +71,29 @@ def recorded_residuals(
                 "left out" if value in (None, ()) else f"{value}" for value in (there, here)
             )
             raise InputError(
-                f"{data.name}: {key} is {have}, must be as [contact] {key} of the scene: {want}"
+                f"{data.name}: {key} is {have}, must be as [contact] {key} of {scene.place}: {want}"
             )
     for throw in data.throws:
         _check_object(throw.name, throw.object.mass, throw.object.com, scene)
-        _check_force(throw.name, throw.grip.full, scene)
+    force = float(np.median([throw.grip.full for throw in data.throws]))
+    _check_force(f"{data.name}: median grip force", force, scene)
     if scene.mean_delay:
         _check_dwell(data, scene)
         data = delayed(data, scene.mean_delay)
-    model, predictor = scene.tolerance.model, Predictor.of(data)
-    names = [throw.name for throw in data.throws]
-    whole = None
-    contact = np.tile([scene.contact.friction, scene.contact.patch_radius], (len(names), 1))
+    model, whole = scene.tolerance.model, None
     if fit:
-        identified = identify(data, model)
-        whole = identified.posterior
-        if identified.cutoff is not None:
-            shared = data.shared.changed(cutoff=identified.cutoff.cutoff)
-            data = replace(data, shared=shared)
-            predictor = Predictor.of(data)
-        for i in range(len(names)):
-            others = [k for k in range(len(names)) if k != i]
-            found = identify(data.picked(others), model).posterior
-            contact[i] = found.value("friction"), found.value("patch_radius")
-            if progress is not None:
-                progress(i + 1, len(names))
-    sets, inverse = np.unique(contact, axis=0, return_inverse=True)
-    thrown = predictor.detached(model, parameter_sets(*sets.T))
-    detach = thrown[np.arange(len(names)), np.ravel(inverse)]
+        identified = identify(data, model, about=about)
+        whole, predictor = identified.posterior, identified.predictor
+        progress = about("left out of the fit")
+        detach = identified.predict_left_out(np.arange(len(data.throws)), progress)
+    else:
+        predictor = Predictor.of(data)
+        contact = parameter_sets(scene.contact.friction, scene.contact.patch_radius)
+        detach = predictor.detached(model, contact)[:, 0]
     off = predictor.truth - predictor.landed(detach)
     speed = np.hypot(detach[:, 3], detach[:, 4])
-    return Residuals(tuple(names), off, np.column_stack([speed, detach[:, 5]]), whole)
+    names = tuple(throw.name for throw in data.throws)
+    return Residuals(names, off, np.column_stack([speed, detach[:, 5]]), whole)
 
 
 def planned_residuals(path: Path, scene: Scene) -> Residuals:
@@ -137,7 +132,7 @@ def _thrown(plan: Path, scene: Scene) -> Throw:
     saved = read_plan(plan)
     bar = saved.scene.object
     _check_object(str(plan), bar.mass, bar.com, scene)
-    _check_force(str(plan), saved.scene.gripper.profile().full, scene)
+    _check_force(f"{plan}: grip force", saved.scene.gripper.profile().full, scene)
     if saved.scene.arm != scene.arm:
         raise InputError(f"{plan}: its arm is not the scene's")
     return saved.in_scene(scene.changed(calibration=None).aimed_at(saved.target)).deciding
@@ -150,17 +145,17 @@ def _check_object(name: str, mass: float, com: float, scene: Scene) -> None:
         if abs(value - own) > SAME_OBJECT * own:
             raise InputError(
                 f"throw {name}: its object has {key} {value:g}, must be [object] {key} = {own:g} "
-                "of the scene"
+                f"of {scene.place}"
             )
 
 
-def _check_force(name: str, force: float, scene: Scene) -> None:
+def _check_force(what: str, force: float, scene: Scene) -> None:
     """InputError for a grip force other than the scene's."""
     own = scene.gripper.profile().full
     if abs(force - own) > SAME_FORCE * own:
         raise InputError(
-            f"throw {name}: its grip force is {force:.4g} N, must be within "
-            f"{100 * SAME_FORCE:g} % of [gripper] force = {own:.4g} of the scene"
+            f"{what} is {force:.4g} N, must be within {100 * SAME_FORCE:g} % of [gripper] force = "
+            f"{own:.4g} of {scene.place}"
         )
 
 

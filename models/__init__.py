@@ -38,6 +38,7 @@ from .release import (
     ReleaseCase,
     ReleaseModel,
     TableGrip,
+    chunks,
 )
 from .surface import SHAPES, SurfaceShape
 from .trajectory import MovedHand, Trajectory, low_pass
@@ -65,5 +66,6 @@ __all__ = [
     "TableGrip",
     "Trajectory",
     "Value",
+    "chunks",
     "low_pass",
 ]

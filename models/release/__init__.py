@@ -3,7 +3,7 @@
 A model is one file with its law; `MODELS` names it for commands, sweeps and pictures.
 """
 
-from .cases import LOST, BatchRelease, Release, ReleaseBatch, ReleaseCase
+from .cases import LOST, BatchRelease, Release, ReleaseBatch, ReleaseCase, chunks
 from .grip import GripProfile, LinearGrip, TableGrip
 from .integrators import (
     compiled_release,

@@ -165,14 +165,14 @@ def failed(times: Array, trouble: str) -> Release:
 class ReleaseBatch:
     """N releases. Body and contact values, gravity, grasp_angle: numbers or arrays (N,).
 
-    grip: the falling force, shared; opening (N,) [s] and force (N,) [N] stretch it to
-    each throw's own duration and full grip.
+    grip: the falling force, shared, or an array (N,) of such; opening (N,) [s] and force (N,) [N]
+    stretch it to each throw's own duration and full grip.
     """
 
     count: int
     body: Body
     contact: Contact
-    grip: GripProfile
+    grip: GripProfile | npt.NDArray[np.object_]
     hands: Trajectory
     opening: Array
     force: Array
@@ -195,12 +195,24 @@ class ReleaseBatch:
             force=self.force[throws],
             gravity=cut(self.gravity),
             grasp_angle=cut(self.grasp_angle),
+            grip=cut(self.grip),
         )
+
+    def grip_shares(self, shares: Array) -> Array:
+        """Grip force over the full one at `shares` (K,), or (K, N), of the openings: (K, N), or
+        (K,) where all throws share these and the grip."""
+        if isinstance(self.grip, GripProfile):
+            return self.grip.force(shares * self.grip.opening) / self.grip.full
+        found = np.empty((len(shares), self.count))
+        for grip in dict.fromkeys(self.grip.tolist()):
+            mine = np.flatnonzero(self.grip == grip)
+            own = shares[:, None] if shares.ndim == 1 else shares[:, mine]
+            found[:, mine] = grip.force(own * grip.opening) / grip.full
+        return found
 
     def forces(self, shares: Array) -> list[Array]:
         """Grip force (N,) [N] of one pad at each of `shares` (K,), or (K, N), of the openings."""
-        shape = self.grip.force(shares * self.grip.opening) / self.grip.full
-        return [self.force * value for value in shape]
+        return [self.force * value for value in self.grip_shares(shares)]
 
 
 @dataclass(frozen=True)

@@ -80,8 +80,10 @@ def compiled_batch(
     curves = np.zeros((4, pieces, rows, axes))
     curves[4 - powers :] = batch.hands.coefficients.transpose(0, 2, 3, 1)
     values = (*law_numbers(batch), batch.grasp_angle, batch.opening, batch.force)
-    count, width, steps = batch.count, 1 if shares.ndim == 1 else batch.count, len(shares) // 2
-    force = batch.grip.force(shares * batch.grip.opening) / batch.grip.full
+    force, count, steps = batch.grip_shares(shares), batch.count, len(shares) // 2
+    if force.ndim > shares.ndim:
+        shares = np.broadcast_to(shares[:, None], force.shape)
+    width = 1 if shares.ndim == 1 else count
     numbers = np.array([np.broadcast_to(value, count) for value in values], float)
     given: dict[str, tuple[Array | None, tuple[int, ...]]] = {
         "shares": (shares, (2 * steps + 1, width)),

@@ -82,20 +82,21 @@ def _track(scene: Scene, motion: Motion) -> HandTrack:
             return Trajectory.through(table[:, 0] - motion.opening_time, table[:, 1:])
         assert scene.arm is not None  # checked by Scene
         joints = table[:, 1:]
-        return recorded_joints(scene.arm, table[:, 0], joints, motion.opening_time, motion.cutoff)
+        kinematics, times = PlanarArm(scene.arm), table[:, 0]
+        return recorded_joints(kinematics, times, joints, motion.opening_time, motion.cutoff)
     if motion.accelerations:
         return Trajectory.stepping(pose, twist, motion.times, motion.accelerations)
     return Trajectory.accelerating(pose, twist, (*motion.acceleration, motion.angular_acceleration))
 
 
 def recorded_joints(
-    arm: Arm, times: Array, joints: Array, opening_time: float, cutoff: float
+    kinematics: PlanarArm, times: Array, joints: Array, opening_time: float, cutoff: float
 ) -> MovedHand:
     """The hand of an arm's recorded joints (K, joints) [rad], in the plane that joint 1 is in.
 
     ValueError as `planar_joints` and `low_pass`.
     """
-    kinematics, throwing = PlanarArm(arm), planar_joints(arm, joints)
+    throwing = planar_joints(kinematics.arm, joints)
     if not times[0] <= opening_time < times[-1]:
         raise ValueError(f"opening_time {opening_time:.12g} s is outside the recording")
     # The processing of Liu and Billard, section VI-A.

@@ -105,11 +105,13 @@ def test_the_truth_of_the_shipped_throws_is_in_the_interval(model: str) -> None:
 
 
 def test_throws_are_predicted_the_same_alone_and_together() -> None:
-    """Also where one recording ends soon after the opening."""
+    """Also where one recording ends soon after the opening, and where forces fall differently."""
     data, sets = made(3), parameter_sets([0.4, 0.8], [RADIUS], [0.0, 0.02], [1.0, 1.1])
     short = data.throws[1]
     short = dataclasses.replace(short, times=short.times[:-85], motion=short.motion[:-85])
-    data = dataclasses.replace(data, throws=(data.throws[0], short, data.throws[2]))
+    bent = TableGrip([0.0, 0.05, 0.07, 0.12], [90.0, 90.0, 70.0, 0.0])
+    other = dataclasses.replace(data.throws[2], grip=bent)
+    data = dataclasses.replace(data, throws=(data.throws[0], short, other))
     together = Predictor.of(data).landings("sp", sets)
     for i in range(3):
         alone = Predictor.of(data.picked([i])).landings("sp", sets[1:])

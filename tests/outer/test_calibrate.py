@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
+import re
+import shlex
+import subprocess
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import loud, made_throws
+from builders import MADE_THROWS, loud, made_throws
 from throwplan import lab, robots
+from throwplan.models import TableGrip
 
 #: A bias, x [m] and theta [rad].
 BIAS = (0.03, math.radians(6.0))
@@ -301,6 +306,36 @@ def test_recordings_are_predicted_by_the_scene(recorded):
     assert abs(shifted.section.x - found.section.x) > 0.004
 
 
+def test_the_page_of_the_shipped_throws_leads_to_a_plan(run, tmp_path, monkeypatch):
+    """Its commands in turn, with a fifth of the throws: the plan aims beside its target by the bias
+    of the calibration, with the contact that was identified."""
+    text = (MADE_THROWS / "README.md").read_text(encoding="utf-8")
+    (tmp_path / "examples").symlink_to(MADE_THROWS.parent)
+    monkeypatch.chdir(tmp_path)
+    for line in re.findall(r"^    (\w.*)$", text, flags=re.M):
+        command, *words = shlex.split(line, comments=True)
+        if command != "throwplan":
+            subprocess.run(line, shell=True, check=True)
+            continue
+        some = [] if words[0] == "plan" else ["--only", "repeat=1"]
+        said = run(words[0], *words[1:], *some)
+        assert said.status == 0, said
+    found, fit, plan = (
+        json.loads((Path("out") / name).read_text())
+        for name in ("calibration/calibrate.json", "fit/identify.json", "plan/plan.json")
+    )
+    assert found["throws"] == 18 and found["guaranteed"] > 0.9
+    assert plan["status"] == "solved" and plan["calibration"]["holds"]
+    sent = tp.read_plan("out/plan")
+    for key in ("friction", "patch_radius"):
+        value = fit[0]["fit"][key]["value"]
+        assert getattr(sent.scene.contact, key) == pytest.approx(value, rel=1e-5)
+    bare, target = sent.in_scene(sent.scene.replace(calibration=None)).landing, sent.target
+    off = bare.x - target.x, bare.theta - target.theta
+    bias = [found["bias"][name]["value"] for name in ("x", "theta")]
+    assert np.add(off, bias) == pytest.approx(np.zeros(2), abs=1e-3)
+
+
 @pytest.mark.slow
 def test_a_throw_is_left_out_of_the_fit_that_predicts_it(recorded):
     data, scene = recorded
@@ -320,6 +355,24 @@ def test_a_throw_is_left_out_of_the_fit_that_predicts_it(recorded):
     sections = tomllib.loads(before.text())
     assert sections["contact"]["friction"] == pytest.approx(fitted.contact.friction, rel=1e-5)
     assert set(sections["uncertainty"]) >= {"friction", "patch_radius", "delay"}
+
+
+def test_grip_forces_are_compared_by_their_median(recorded):
+    """One weak grip is that throw's own: it is predicted by it, and moves no other prediction."""
+    data, scene = recorded
+    weak = data.throws[0].grip
+    times = weak.dwell + np.array([-weak.dwell, 0.0, weak.opening])
+    grip = TableGrip(times, [0.8 * weak.full, 0.8 * weak.full, 0.0])
+    one = dataclasses.replace(data.throws[0], grip=grip)
+    before, after = (
+        lab.calibrate(dataclasses.replace(data, throws=(first, *data.throws[1:])), scene)
+        for first in (data.throws[0], one)
+    )
+    change = np.abs(after.residuals.landing - before.residuals.landing)
+    assert change[0].max() > 1e-3 and change[1:].max() < 1e-9
+    stronger = scene.replace(gripper=scene.gripper.changed(force=250.0))
+    with pytest.raises(tp.InputError, match="median"):
+        lab.calibrate(data, stronger)
 
 
 # Wrong input.
