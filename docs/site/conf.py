@@ -5,6 +5,7 @@ The repository is the source folder, so that a link leads to the same page here 
 
 import inspect
 import json
+import pydoc
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -70,11 +71,6 @@ python_maximum_signature_line_length = 80
 #: Classes of which users make objects. Other objects are results: no constructor is shown.
 CONSTRUCTED = (Section, tp.Planner, tp.State, robots.Response)
 
-# Classes have their public names; Target is another name of Pose.
-for public in set(tp.__all__) - {"Target"}:
-    if inspect.isclass(getattr(tp, public)):
-        getattr(tp, public).__name__ = getattr(tp, public).__qualname__ = public
-
 
 def write_math(writer: HTML5Translator, node: nodes.math | nodes.math_block) -> None:
     """An equation as a drawing, for which a page needs neither scripts nor fonts."""
@@ -103,14 +99,14 @@ def add_navigation(app: Sphinx, page: str, source: list[str]) -> None:
 def add_docstrings(app: Sphinx, page: str, source: list[str]) -> None:
     """A paragraph of names on the page of Python becomes their docstrings."""
     if page == "docs/python":
-        source[0] = re.sub(r"^(?:`\w+`,?\s)+", _directives, source[0], flags=re.M)
+        source[0] = re.sub(r"^(?:`[\w.]+`,?\s)+", _directives, source[0], flags=re.M)
 
 
 def _directives(names: re.Match[str]) -> str:
     """Autodoc's directives for names in backticks."""
     lines = ["```{eval-rst}"]
-    for name in re.findall(r"\w+", names[0]):
-        value, kind = getattr(tp, name), "function"
+    for name in re.findall(r"[\w.]+", names[0].replace(",", "")):
+        value, kind = pydoc.locate(f"throwplan.{name}"), "function"
         if inspect.isclass(value):
             kind = "exception" if issubclass(value, Exception) else "class"
         lines.append(f".. auto{kind}:: throwplan.{name}")

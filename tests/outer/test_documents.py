@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pydoc
 import re
 import shlex
 import tomllib
@@ -38,8 +39,11 @@ def test_every_key_of_a_scene_is_explained(run, refused) -> None:
 def test_the_page_of_python_has_every_name_once() -> None:
     """The site puts their docstrings there."""
     text = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
-    lists = re.findall(r"^(?:`\w+`,?\s)+", text, flags=re.M)
-    assert sorted(re.findall(r"\w+", "".join(lists))) == sorted(tp.__all__)
+    lists = re.findall(r"^(?:`[\w.]+`,?\s)+", text, flags=re.M)
+    names = re.findall(r"[\w.]+\b", "".join(lists).replace(",", ""))
+    assert sorted(name for name in names if "." not in name) == sorted(tp.__all__)
+    assert len(set(names)) == len(names)
+    assert all(pydoc.locate(f"throwplan.{name}") for name in names)
 
 
 @page
