@@ -30,6 +30,7 @@ from .planner.sweep import sweep
 from .problems import (
     Calibration,
     Choice,
+    Contact,
     Cost,
     Cup,
     Distribution,
@@ -38,8 +39,9 @@ from .problems import (
     Hand,
     InputError,
     Landing,
-    Mesh,
     Motion,
+    Nlp,
+    Object,
     Obstacle,
     OutlinePart,
     Pose,
@@ -57,8 +59,6 @@ from .problems import (
     scene_names,
     scene_text,
 )
-from .problems import PadContact as Contact
-from .problems import ThrownObject as Object
 
 try:
     __version__ = version("throwplan")

@@ -1,8 +1,8 @@
 """Section `models`: error against run time of the release models and their numbers of steps.
 
 There are two errors. The own error is the distance to the converged answer of the law that a
-method approximates; more steps make it smaller. The model error is the distance to a patch meshed
-into 64 points with Coulomb friction; more steps do not make it smaller than that of the law.
+method approximates; more steps make it smaller. The model error is the distance to a patch of
+64 points with Coulomb friction; more steps do not make it smaller than that of the law.
 Both are scaled landing errors. Times are processor time on one core. See docs/release-models.md.
 """
 
@@ -57,11 +57,11 @@ if TYPE_CHECKING:
 TIME = "time [µs]"
 #: Name of the column with the distance from the model's own converged answer.
 OWN = "own scaled [mm]"
-#: Name of the column with the distance from the meshed pad's converged answer.
+#: Name of the column with the distance from the converged answer of a pad of points.
 MODEL = "model scaled [mm]"
 #: Scaled landing errors [mm] for which the cheapest settings are listed.
 GOALS = (1.0, 0.1, 0.01)
-#: Number of points of a finer patch, to measure the error of the usual mesh.
+#: Number of points of a finer patch, to measure the error of the usual grid.
 FINE_MESH = 256
 #: Time [s] of a run above which it is not repeated: quick, full.
 LONG = (0.03, 0.2)
@@ -89,7 +89,7 @@ METHODS = {
 }
 #: Accuracy [mm] of a model's converged answer; smaller errors are drawn at it.
 OWN_FLOOR = 1e-7
-#: Accuracy [mm] of the meshed pad's answer; smaller errors are drawn at it.
+#: Accuracy [mm] of the answer of a pad of points; smaller errors are drawn at it.
 MODEL_FLOOR = 1e-4
 
 
@@ -108,18 +108,20 @@ def make(effort: Effort) -> ReportSection:
     sample = _sample_table(effort)
     step()
     every = Table("models-methods", "Every method on every throw", rows)
-    caption = "Converged laws against the meshed patch, and how well they are known"
+    caption = "Converged laws against the patch of points, and how well they are known"
     apart = {
         law: max(_number(row["to the patch [mm]"]) for row in laws if row["law"] == law)
         for law in ("sp", "ls")
     }
-    words = "Scaled landing error over time, to its own law (above) and to the meshed patch (below)"
+    words = (
+        "Scaled landing error over time, to its own law (above) and to the patch of points (below)"
+    )
     return ReportSection(
         "models",
         "Release models: error against time",
         [
             "Own error: distance to the converged answer of a method's own law. Model error: "
-            "distance to a patch meshed into 64 points with Coulomb friction, which more steps do "
+            "distance to a patch of 64 points with Coulomb friction, which more steps do "
             "not reduce. Worst of four throws, landing 0.9 m below the hand "
             "([what the models are](../release-models.md)).",
             f"Converged, the limit surface is at most {apart['ls']:.2g} mm of scaled landing error "
@@ -285,8 +287,8 @@ def _ways(
     def batch(model: str, some: Mapping[str, Mapping[str, Array]], steps: int) -> Array:
         return simulate_batch(drop, model, steps=steps, **some).detach  # type: ignore[arg-type]
 
-    meshes = {"sp": (12, 27, 48, 96, 192), STEPPED_SURFACE: (40, 80, 120, 240)}
-    for model, numbers in meshes.items():
+    intervals = {"sp": (12, 27, 48, 96, 192), STEPPED_SURFACE: (40, 80, 120, 240)}
+    for model, numbers in intervals.items():
         for steps in numbers:
             words = f"{model}, batch, {steps} steps"
             words += " (usual)" if steps == MODELS[model].steps else ""
@@ -321,7 +323,7 @@ def _cheapest(sample: Table) -> str:
         best[kind] = f"`{min(able)[1]}` ({shown(min(able)[0])} µs a throw)" if able else "none"
     return (
         f"A batch to {goal:g} mm of scaled error in 99 % of random throws, cheapest: of its own "
-        f"law {best[OWN]}; from the meshed patch {best[MODEL]}."
+        f"law {best[OWN]}; from the patch of points {best[MODEL]}."
     )
 
 

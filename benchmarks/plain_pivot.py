@@ -9,7 +9,7 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-from throwplan.models import Array, Body, Contact, HandMotion, HandSamples
+from throwplan.models import Array, Body, HandMotion, HandSamples, PinchContact
 from throwplan.models.release import Release, ReleaseCase, SlidingPivot, rk4_step
 
 
@@ -43,7 +43,7 @@ def _compiled(model: PlainPivot) -> ca.Function:
     """All steps as one function of the first state, of the values that a step takes, and of the
     law's numbers."""
     state, u, p = (ca.SX.sym(name, size) for name, size in (("state", 6), ("u", 31), ("p", 8)))
-    body, contact, gravity = Body(p[0], p[1], p[2]), Contact(p[3], p[4], p[5], p[6]), p[7]
+    body, contact, gravity = Body(p[0], p[1], p[2]), PinchContact(p[3], p[4], p[5], p[6]), p[7]
     rates = SlidingPivot(body, contact, gravity, model.form).rates
     # Hand (9) and grip at start, middle and end; and dt.
     motions = [HandMotion(u[i + 2], u[i + 5], u[i + 6], u[i + 7], u[i + 8]) for i in (0, 10, 20)]

@@ -114,7 +114,7 @@ def variants(quick: bool) -> list[Variant]:
     found = [Variant(), Variant(solver="ipopt")]
     for name, values in SETTINGS.items():
         found += [Variant(((name, value),)) for value in values[which]]
-    usual = dataclasses.asdict(load_scene("cup").mesh)
+    usual = dataclasses.asdict(load_scene("cup").nlp)
     return [v for v in found if not v.mesh or any(usual[k] != value for k, value in v.mesh)]
 
 
@@ -151,8 +151,8 @@ def make(effort: Effort) -> ReportSection:
 
 def measured(scene: Scene, targets: list[Pose], variant: Variant, usual: Planner) -> VariantRuns:
     """A variant's plans to all targets; their times exclude building."""
-    mesh = dataclasses.replace(scene.mesh, **dict(variant.mesh))  # type: ignore[arg-type]
-    planner = warmed(scene.replace(mesh=mesh), targets[:1], variant.solver)
+    mesh = dataclasses.replace(scene.nlp, **dict(variant.mesh))  # type: ignore[arg-type]
+    planner = warmed(scene.replace(nlp=mesh), targets[:1], variant.solver)
     first, plans = [], []
     for target in targets:
         first.append(usual.plan(target, solver="fatrop").time["solve"])
@@ -265,7 +265,7 @@ def _default(name: str, found: list[VariantRuns]) -> str:
 
 def _mesh(scene: Scene) -> str:
     """The settings of the NLP, as a scene file has them."""
-    mesh = scene.mesh
+    mesh = scene.nlp
     words = f"carry = {mesh.carry}, opening = {mesh.opening}, grading = {mesh.grading:g}"
     return f"{words}, epsilon = {mesh.epsilon:g}"
 

@@ -13,7 +13,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from throwplan.models import Array, Body, Contact, FlightLaw, HandMotion, Trajectory, pivot_wrench
+from throwplan.models import (
+    Array,
+    Body,
+    FlightLaw,
+    HandMotion,
+    PinchContact,
+    Trajectory,
+    pivot_wrench,
+)
 from throwplan.models.release import (
     STEPPED_SURFACE,
     ImplicitRelease,
@@ -60,16 +68,18 @@ class SampleThrow:
 def four_throws() -> list[SampleThrow]:
     """Drop, decelerating and accelerating throw, slow opening; the full grip holds all."""
     bar, long_bar = Body(0.24, 535e-6, 0.10), Body(0.24, 802e-6, 0.16)
-    pads = Contact(1.0, 0.0025, 0.6, 2)
+    pads = PinchContact(1.0, 0.0025, 0.6, 2)
 
     def case(
-        body: Body, contact: Contact, force: float, opening: float, *hand: Sequence[float]
+        body: Body, contact: PinchContact, force: float, opening: float, *hand: Sequence[float]
     ) -> ReleaseCase:
         grip = LinearGrip(force, 0.0, opening)
         return ReleaseCase(body, contact, grip, Trajectory.accelerating(*hand))
 
     still = (0.0, 0.0, 0.0)
-    drop = case(Body(0.2, 5e-4, 0.1), Contact(0.8, 0.0075, 0.6, 2), 50, 0.05, still, still, still)
+    drop = case(
+        Body(0.2, 5e-4, 0.1), PinchContact(0.8, 0.0075, 0.6, 2), 50, 0.05, still, still, still
+    )
     start, twist = (0.0, 0.0, 0.6), (1.6, 1.2, 4.2)
     slower = case(bar, pads, 50, 0.05, start, twist, (-6.0, -8.0, -15.0))
     faster = case(bar, pads, 100, 0.05, start, twist, (4.0, 3.0, 8.0))
@@ -95,7 +105,7 @@ def random_throws(count: int, seed: int) -> dict[str, dict[str, Array]]:
 
     mass = uniform(0.1, 0.4)
     body = Body(mass, mass * uniform(0.03, 0.08) ** 2, uniform(0.02, 0.2))
-    contact = Contact(uniform(0.3, 1.0), uniform(0.0025, 0.01))
+    contact = PinchContact(uniform(0.3, 1.0), uniform(0.0025, 0.01))
     speed, up, zero = uniform(1.0, 3.0), uniform(np.radians(10), np.radians(70)), np.zeros(many)
     pose = np.array([zero, zero, uniform(-np.pi / 3, np.pi / 2)])
     twist = np.array([speed * np.cos(up), speed * np.sin(up), uniform(0.0, 6.0)])
@@ -125,13 +135,15 @@ def random_throws(count: int, seed: int) -> dict[str, dict[str, Array]]:
     }
 
 
-def case_of(throws: Mapping[str, Mapping[str, Array]], i: int, contact: Contact) -> ReleaseCase:
+def case_of(
+    throws: Mapping[str, Mapping[str, Array]], i: int, contact: PinchContact
+) -> ReleaseCase:
     """Throw number i of `random_throws` by itself; contact: with torsion and faces."""
     thing, pads, grip = throws["object"], throws["contact"], throws["gripper"]
     hand = [throws["hand"][name][i] for name in ("pose", "twist", "acceleration")]
     return ReleaseCase(
         Body(*(float(thing[name][i]) for name in ("mass", "inertia", "com_offset"))),
-        Contact(
+        PinchContact(
             float(pads["friction"][i]),
             float(pads["patch_radius"][i]),
             contact.torsion,

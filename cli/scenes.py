@@ -389,7 +389,7 @@ def sweep(options: argparse.Namespace) -> int:
     save_out(options, scene.name, outcome.save, partial(pictures.save, outcome))
     result = outcome.to_dict()
     advice = ""
-    if found.target.at_rest and not found.robust and result["success"]["rate"] < 0.9:
+    if found.target.is_fixed and not found.robust and result["success"]["rate"] < 0.9:
         advice = "\n  plan with --robust to raise the success rate"
     print_result(options, result, outcome.summary() + advice + notes(scene) + written(options))
     return DONE

@@ -2,7 +2,7 @@
 of hand poses."""
 
 from .commands import COMMANDS
-from .connections import at_rest, joined, lifted_pose, raised_pose
+from .connections import joined, lifted_pose, raised_pose, standstill
 from .cycle import CYCLE_FILES, Cycle, UnsolvedError
 from .inverse_kinematics import HandPose, inverse_kinematics
 from .job_files import Jobs, jobs_names, jobs_text, load_jobs

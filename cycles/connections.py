@@ -61,7 +61,7 @@ def state_at(samples: Samples, k: int) -> State:
     return State(samples.q[k], samples.dq[k], samples.ddq[k])
 
 
-def at_rest(joints: Array | Sequence[float]) -> State:
+def standstill(joints: Array | Sequence[float]) -> State:
     """Joints (n,) [rad] at rest."""
     q = np.array(joints, float)
     return State(q, 0.0 * q, 0.0 * q)
@@ -91,7 +91,7 @@ class CycleThrow:
         plane = self.throw.target.plane
         own = joint_samples(self.space.kinematics, plane.azimuth, self.throw.samples)
         rest = math.ceil(self.throw.landing_time / TICK) - self.braked
-        return joined([Samples(*own), still(at_rest(own[0][-1]), max(rest, 0))])
+        return joined([Samples(*own), still(standstill(own[0][-1]), max(rest, 0))])
 
     @cached_property
     def release(self) -> Throw:
@@ -275,7 +275,7 @@ def raised_pose(space: SpatialScene, joints: Array) -> State:
     limits, raised = space.kinematics.arm.limits, joints.copy()
     shoulder = space.kinematics.throwing_joints[0] - 1
     raised[shoulder] = (limits.position_min[shoulder] + limits.position_max[shoulder]) / 2
-    return at_rest(raised)
+    return standstill(raised)
 
 
 def by_raised(space: SpatialScene, start: State, goal: State) -> Iterator[tuple[Transfer, ...]]:
@@ -291,7 +291,7 @@ def lifted_pose(space: SpatialScene, joints: Array, height: float) -> State:
     q, steps = joints, math.ceil(height / LIFT_STEP)
     for _ in range(steps):
         q = q + joint_rates(space, q, np.array([0.0, 0.0, height / steps]))
-    return at_rest(q)
+    return standstill(q)
 
 
 def still(state: State, ticks: int) -> Samples:
@@ -342,7 +342,7 @@ def connection_between(
         the object has landed."""
         if one is None:
             return
-        back = slowed(space, at_rest(one.samples.q[-1]), state_at(goals[-1], 0))
+        back = slowed(space, standstill(one.samples.q[-1]), state_at(goals[-1], 0))
         if back is not None:
             for until in (max(one.braked, one.free), len(one.samples.q) - 1):
                 yield option_of((one.samples[one.free : until + 1], back, goals[-1]))

@@ -23,11 +23,11 @@ from .connections import (
     Connection,
     CycleThrow,
     Option,
-    at_rest,
     by_raised,
     direct,
     joined,
     option_of,
+    standstill,
     state_at,
 )
 
@@ -153,7 +153,10 @@ class _Entrance:
         """All joints: straight from the pick; then the throwing ones wait and swing, the others
         turn in `turn` samples."""
         if turn not in self._turned:
-            start, goal = at_rest(way.q[-1, self.aside]), _of(state_at(self._throw, 0), self.aside)
+            start, goal = (
+                standstill(way.q[-1, self.aside]),
+                _of(state_at(self._throw, 0), self.aside),
+            )
             self._turned[turn] = _gentle_transfer(self.aside_limits, start, goal, turn)
         turned = self._turned[turn]
         rows = np.zeros((3, wait + len(swing.q), way.q.shape[1]))

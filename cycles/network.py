@@ -11,7 +11,7 @@ import numpy as np
 from ..models import Indices
 from ..planner import Finding, Samples, SpatialScene, approach_findings
 from .approach import approach_of
-from .connections import Connection, CycleThrow, at_rest, connection_between, still
+from .connections import Connection, CycleThrow, connection_between, standstill, still
 from .cycle import UnsolvedError
 from .entrance import enter_connection
 from .job_files import Jobs
@@ -29,8 +29,8 @@ class Network:
 
     def __init__(self, jobs: Jobs, throws: Sequence[CycleThrow], objects: WaitingObjects) -> None:
         self.jobs, self.throws, self._objects = jobs, throws, objects
-        self.picks = [at_rest(pick.joints or ()) for pick in jobs.picks]
-        self._home = None if jobs.home is None else still(at_rest(jobs.home), 0)
+        self.picks = [standstill(pick.joints or ()) for pick in jobs.picks]
+        self._home = None if jobs.home is None else still(standstill(jobs.home), 0)
         self._approaches = [approach_of(jobs, pick) for pick in jobs.picks]
         self._connections: dict[tuple[int, int], Connection] = {}
 

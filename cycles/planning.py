@@ -12,7 +12,7 @@ from ..models import Array
 from ..planner import Plan, Planner, SpatialScene, State, make_manipulator
 from ..problems import InputError, Pose, Scene, checked
 from .approach import approach_of
-from .connections import CycleThrow, at_rest
+from .connections import CycleThrow, standstill
 from .cycle import Cycle, UnsolvedError
 from .inverse_kinematics import HandPose, inverse_kinematics
 from .job_files import Jobs, Pick
@@ -189,7 +189,7 @@ class _Throws:
         """A throw into a moving bin, for where it is `seconds` after the start of the cycle."""
         pick = self.jobs.picks[one.pick]
         scene = self.jobs.scene_of(pick, self.jobs.bin(one.bin))
-        start = at_rest(one.throw.samples.q[0])
+        start = standstill(one.throw.samples.q[0])
         plan = self._planned(scene, scene.aim.at(seconds), start, one.plan)
         return CycleThrow(plan, one.pick, one.bin) if plan.solved else None
 
@@ -197,7 +197,7 @@ class _Throws:
 def _start(joints: Sequence[float] | Array | None, scene: Scene) -> State:
     """The throwing joints at rest, of all joints."""
     assert scene.arm is not None and joints is not None
-    return at_rest([joints[joint - 1] for joint in scene.arm.throwing_joints])
+    return standstill([joints[joint - 1] for joint in scene.arm.throwing_joints])
 
 
 def _nearest(pick: Pick, scenes: Mapping[str, Scene]) -> list[str]:

@@ -42,7 +42,7 @@ def sequence(
         held = tick + math.ceil(pick.grasp_time / TICK - 1e-9)
         enter, leave, wait = connections[2 * n], connections[2 * n + 1], 0
         target = jobs.scene_of(pick, jobs.bin(one.bin)).aim
-        if not target.at_rest:
+        if not target.is_fixed:
             one, enter, wait = _meet(network, one, held, again)
             leave = network.leaving(one, end)
             leave.settle()

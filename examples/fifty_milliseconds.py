@@ -140,8 +140,8 @@ bar has at detach is a *rate*, about 1 rad/s here, and it keeps that for the who
 | `ls`, `ls-smooth` | limit surface with explicit steps, as published, and smoothed |
 | `ils` | smoothed limit surface by an implicit integrator |
 | `ls-step` | limit surface by time stepping |
-| `patch` | the pads meshed into 64 points with Coulomb friction: the reference here |
-| `lugre` | the same mesh with LuGre (bristle) friction |
+| `patch` | the pads as 64 points with Coulomb friction: the reference here |
+| `lugre` | the same points with LuGre (bristle) friction |
 """
 
 # %%
@@ -303,7 +303,7 @@ plt.show()
 # %% [markdown]
 """
 The sliding pivot is what the planner has inside: the cheapest law in a batch, and with its corners
-rounded it can be differentiated. It lands within some millimetres of the meshed pads. The limit
+rounded it can be differentiated. It lands within some millimetres of the pads of points. The limit
 surface by time stepping is nearer to them; a plan therefore reports it beside the sliding pivot,
 and a scene may ask that the landing be true for it.
 

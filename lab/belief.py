@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..models import Array, ReadOnly
-from ..problems import Distribution, PadContact, Scene, Uncertainty, toml_lines
+from ..problems import Contact, Distribution, Scene, Uncertainty, toml_lines
 from .predict import BASE, UNKNOWNS, parameter_sets
 from .throws import Shared
 
@@ -204,7 +204,7 @@ def _log_normal(value: float, deviation: float) -> tuple[float, ...]:
 
 
 def contact_text(
-    belief: Belief, shared: PadContact | Shared, uncertainty: Uncertainty | None = None
+    belief: Belief, shared: Contact | Shared, uncertainty: Uncertainty | None = None
 ) -> str:
     """The sections [contact] and [uncertainty] for a scene file; shared: has the keys of [contact]
     that were not fitted; uncertainty: of the scene with the belief, if the scene is known."""

@@ -22,7 +22,7 @@ from ..models import (
     chunks,
 )
 from ..planner import TICK, PlanarArm, named_model, recorded_joints
-from ..problems import InputError, PadContact, checked
+from ..problems import Contact, InputError, checked
 from .measured import measured
 from .throws import MeasuredThrow, ThrowData
 
@@ -172,7 +172,7 @@ def thrown(data: ThrowData, model: str, contact: Mapping[str, float]) -> Array:
     """
     if not {"friction", "patch_radius"} <= contact.keys() <= set(UNKNOWNS):
         raise InputError("contact: must have friction and patch_radius; may have delay, grip_scale")
-    PadContact(friction=contact["friction"], patch_radius=contact["patch_radius"])
+    Contact(friction=contact["friction"], patch_radius=contact["patch_radius"])
     checked("delay", contact.get("delay", 0.0), float, {"meaning": "s"})
     checked("grip_scale", contact.get("grip_scale", 1.0), float, {"above": 0, "most": 1e3})
     return Predictor.of(data).landings(model, parameter_sets(**contact))[:, 0]

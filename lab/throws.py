@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from ..models import Array, Contact, Indices, ReadOnly, TableGrip
+from ..models import Array, Indices, PinchContact, ReadOnly, TableGrip
 from ..problems import (
     Arm,
     Grasp,
     InputError,
+    Object,
     Section,
-    ThrownObject,
     csv_lines,
     from_table,
     held_object,
@@ -87,9 +87,9 @@ class Shared(Section):
         if self.gripper is not None and self.arm is None:
             raise InputError(f"gripper = {self.gripper!r}: only with arm: motions are of the hand")
 
-    def contact(self, friction: Any, patch_radius: Any) -> Contact:
+    def contact(self, friction: Any, patch_radius: Any) -> PinchContact:
         """The contact with these unknowns: numbers or arrays (N,)."""
-        return Contact(friction, patch_radius, self.torsion, self.faces)
+        return PinchContact(friction, patch_radius, self.torsion, self.faces)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,7 +103,7 @@ class MeasuredThrow(ReadOnly):
     """
 
     name: str
-    object: ThrownObject
+    object: Object
     grasp: Grasp
     times: Array = dataclasses.field(repr=False)
     motion: Array = dataclasses.field(repr=False)
@@ -185,7 +185,7 @@ def load_throws(folder: str | Path) -> ThrowData:
     return ThrowData(folder.name, shared, tuple(throws), arm, truth)
 
 
-def _head(tables: Mapping[str, Any]) -> tuple[Shared, dict[str, ThrownObject], dict[str, float]]:
+def _head(tables: Mapping[str, Any]) -> tuple[Shared, dict[str, Object], dict[str, float]]:
     own = {key: value for key, value in tables.items() if key not in ("objects", "truth")}
     shared: Shared = from_table(Shared, own)
     objects = {}
@@ -231,7 +231,7 @@ def _throw(
     row: Mapping[str, str],
     folder: Path,
     shared: Shared,
-    objects: Mapping[str, ThrownObject],
+    objects: Mapping[str, Object],
     arm: Arm | None,
 ) -> MeasuredThrow:
     """The throw of one row and its files."""

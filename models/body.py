@@ -80,7 +80,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Contact:
+class PinchContact:
     """Pad patch: friction [-], patch_radius r_p [m], torsion c [-], number of faces [-].
 
     The normal force is that of one pad; a bar pinched between two pads has two faces, and
@@ -333,7 +333,7 @@ class PinchUse(ReadOnly):
     lifting: Array
 
 
-def pinch_use(contact: Contact, force: Array, torque: Array, normal_force: float) -> PinchUse:
+def pinch_use(contact: PinchContact, force: Array, torque: Array, normal_force: float) -> PinchUse:
     """Use of a pinch at `normal_force` [N] of one pad, by wrenches in space on the body.
 
     force [N], torque [N m] about the middle of the pads: rows (3, N) along the hand, across it in
@@ -348,7 +348,7 @@ def pinch_use(contact: Contact, force: Array, torque: Array, normal_force: float
     A tilt by the share d of r_p leaves each pad a disc of radius (1 - d) r_p about the middle of
     its pressure, with the torsional friction of that radius: a lower bound. The force across takes
     from the pads' force; the pad that it presses on counts no more than before. With only a wrench
-    in the pads' plane the use is the root of `Contact.utilisation_squared`.
+    in the pads' plane the use is the root of `PinchContact.utilisation_squared`.
     """
     pads = contact.faces * normal_force
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .body import Array, Contact
+from .body import Array, PinchContact
 
 #: Shapes by their names in files, and how many coefficients each has.
 SHAPES = {"ellipsoid": 6, "quartic": 15, "two-points": 0}
@@ -69,7 +69,7 @@ class SurfaceShape:
         value = np.einsum("i...,ij...,j...", w, self.paired(w), w)
         return np.asarray(np.maximum(value, 0.0) ** 0.25)
 
-    def use(self, contact: Contact, wrench: Array, force: Array, angle: Array) -> Array:
+    def use(self, contact: PinchContact, wrench: Array, force: Array, angle: Array) -> Array:
         """Share (...) of a contact's friction limit that a wrench (3, ...) [N, N, N m] in world
         axes uses, at a normal force [N] and an angle [rad] of the hand."""
         cos, sin, (f_x, f_z, torque) = np.cos(angle), np.sin(angle), wrench

@@ -19,10 +19,10 @@ import casadi as ca
 from .backend import Value
 from .body import (
     Body,
-    Contact,
     FlightLaw,
     FlightState,
     HandSamples,
+    PinchContact,
     lowest_point,
     pivot_wrench,
     sticking_state,
@@ -86,7 +86,7 @@ def _link_functions() -> list[ca.Function]:
     load = pivot_wrench(Body(bar_mass, bar_inertia, 0.0), s["gravity"], hand, hand.omega, *lever)
     force, arm = ca.vertsplit(s["limit"])
     # A contact whose limits under a pad's force of 1 N are these.
-    contact = Contact(friction=force, patch_radius=arm, torsion=1.0, faces=1.0)
+    contact = PinchContact(friction=force, patch_radius=arm, torsion=1.0, faces=1.0)
     _, z, cos, sin = ca.vertsplit(s["place"])
     first, last, half = ca.vertsplit(s["box"])
     lowest = lowest_point(z, cos, sin, (first, last), half)
@@ -157,10 +157,10 @@ def _hand(name: str) -> tuple[ca.SX, HandSamples]:
     return symbols, HandSamples(0.0, symbols[:3], symbols[3:6], symbols[6:9])
 
 
-def _number_symbols() -> tuple[ca.SX, Body, Contact, ca.SX]:
+def _number_symbols() -> tuple[ca.SX, Body, PinchContact, ca.SX]:
     """Symbols of `law_numbers`: the column, and the body, contact and gravity it describes."""
     p = ca.SX.sym("p", 8)
-    return p, Body(p[0], p[1], p[2]), Contact(p[3], p[4], p[5], p[6]), p[7]
+    return p, Body(p[0], p[1], p[2]), PinchContact(p[3], p[4], p[5], p[6]), p[7]
 
 
 def _law(

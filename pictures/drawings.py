@@ -10,7 +10,7 @@ import numpy as np
 
 from ..models import Array
 from ..planner import Plan, throw_of, timeline
-from ..problems import Cup, InputError, ThrownObject
+from ..problems import Cup, InputError, Object
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +24,7 @@ LEAST_WIDTH = 0.008
 GRID = 240
 
 
-def bar_path(bar: ThrownObject, com: Array) -> Path:
+def bar_path(bar: Object, com: Array) -> Path:
     """Outline [m] of the drawn object for a CoM pose x, z [m], theta [rad]: one or more loops."""
     from matplotlib.path import Path
 
@@ -34,7 +34,7 @@ def bar_path(bar: ThrownObject, com: Array) -> Path:
     return Path.make_compound_path(*(Path(com[:2] + p @ turn, closed=True) for p in loops))
 
 
-def _rectangle(bar: ThrownObject) -> Array:
+def _rectangle(bar: Object) -> Array:
     """Corners (5, 2) [m] around a bar, along and across its axis from the CoM."""
     begin, end, half = -bar.com, bar.length - bar.com, max(bar.width, LEAST_WIDTH) / 2
     return np.array([[begin, -half], [end, -half], [end, half], [begin, half], [begin, -half]])
@@ -63,7 +63,7 @@ def _loops(capsules: bytes, com: float) -> tuple[Array, ...]:
     return tuple(np.asarray(line) - [com, 0.0] for line in lines)
 
 
-def draw_bars(axes: Axes, bar: ThrownObject, poses: Array, **look: Any) -> None:
+def draw_bars(axes: Axes, bar: Object, poses: Array, **look: Any) -> None:
     """Fill the object's outline at poses (N, 3) or (3,) of its CoM: x, z [m], theta [rad].
 
     bar: the scene's object; look: Matplotlib's settings of a patch. InputError for other shapes.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from PIL import Image
 
     from ..planner import Throw
-    from ..problems import Pose, Scene, ThrownObject
+    from ..problems import Object, Pose, Scene
 
 
 Pixels = npt.NDArray[np.uint8]
@@ -253,7 +253,7 @@ def _draw_arms(stage: Axes, scene: Scene, line: Timeline) -> None:
         stage.fill(*hand_corners(scene, line.hand[:, i]).T, zorder=2, **hand)
 
 
-def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
+def _draw_bars(stage: Axes, bar: Object, line: Timeline) -> None:
     """Poses of the bar, coloured by phase, and the CoM's path."""
     stage.plot(line.com[0], line.com[1], color=BLACK, lw=0.9, zorder=3)
     detach, last = line.index(line.marks["detach"]), len(line.times) - 1

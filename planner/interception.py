@@ -65,7 +65,7 @@ def intercept(
     is when the first throw would land, other times are tried: first those that leave sampled throws
     most time.
     """
-    if target.at_rest:
+    if target.is_fixed:
         return plan_at(target, None)
     earliest, latest = target.window
     if target.arrival is not None:

@@ -142,14 +142,14 @@ class Planner:
         checked("alternatives", alternatives, int, {"least": 0, "most": MOST_ALTERNATIVES})
         checked("patience", patience, float | None, {"above": 0})
         robust = checked("robust", robust, bool, {}) or self.scene.robust is not None
-        if (robust or alternatives) and not target.at_rest:
+        if (robust or alternatives) and not target.is_fixed:
             raise InputError("target: velocity and arrival go with neither robust nor alternatives")
         if start is not None and robust:
             raise InputError("start: a robust plan begins at rest")
         wanted, scene = self._wanted(alternatives), self.scene.aimed_at(target)
         budget = Budget.lasting(patience or (ROBUST_PATIENCE if robust else PATIENCE))
         compares = robust or scene.uncertainty is not None or scene.rest is not None
-        compares = compares and target.at_rest
+        compares = compares and target.is_fixed
         quiet = scene.weights.quiet
         task = Task(scene, target, solver, budget, turns, wanted, loud=compares, quiet=quiet)
         built, self._build_time = self._build_time, 0.0

@@ -10,7 +10,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from ..models import SHAPES, Array, Contact, SurfaceShape
+from ..models import SHAPES, Array, PinchContact, SurfaceShape
 from ..models.release import GripProfile, LinearGrip, TableGrip
 from ..models.robot import segment_distance
 from .arms import GripperData, load_gripper
@@ -42,7 +42,7 @@ class OutlinePart(Section):
 
 
 @dataclasses.dataclass(frozen=True)
-class ThrownObject(Section):
+class Object(Section):
     """The object: a rigid body whose axis goes from the grasp to the CoM; a bar, or with `outline`
     any shape. Required.
     """
@@ -183,9 +183,9 @@ class ThrownObject(Section):
             )
 
 
-def held_object(table: Mapping[str, Any]) -> ThrownObject:
+def held_object(table: Mapping[str, Any]) -> Object:
     """The object of a file's table, in SI units; InputError for a mass that no hand can hold."""
-    thrown: ThrownObject = from_table(ThrownObject, table)
+    thrown: Object = from_table(Object, table)
     if thrown.mass > 50:
         raise InputError(f"mass = {thrown.mass:g}: must be in kg, at most 50 (is it in grams?)")
     return thrown
@@ -210,7 +210,7 @@ class Grasp(Section):
 
 
 @dataclasses.dataclass(frozen=True)
-class PadContact(Section):
+class Contact(Section):
     """Friction of the pads. Required."""
 
     friction: float = quantity("μ, of one pad", above=0, least=1e-6, most=100)
@@ -250,9 +250,9 @@ class PadContact(Section):
     )
 
     @property
-    def contact(self) -> Contact:
+    def contact(self) -> PinchContact:
         """The contact of the release models."""
-        return Contact(self.friction, self.patch_radius, self.torsion, self.faces)
+        return PinchContact(self.friction, self.patch_radius, self.torsion, self.faces)
 
     @functools.cached_property
     def surface(self) -> SurfaceShape | None:

@@ -131,7 +131,7 @@ class Pose(Section):
         return self.arrival if isinstance(self.arrival, tuple) else (self.arrival, self.arrival)
 
     @property
-    def at_rest(self) -> bool:
+    def is_fixed(self) -> bool:
         """Whether the target has no velocity and no time of arrival."""
         return self.velocity is None and self.arrival is None
 

@@ -14,16 +14,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..models import Body, Contact, FlightLaw
+from ..models import Body, FlightLaw, PinchContact
 from ..models.robot import Arm
 from .arms import arm_table, load_arm, load_gripper
 from .calibration import Calibration
 from .checks import InputError, Mistakes, checked, within
-from .grip import Grasp, Gripper, PadContact, ThrownObject
+from .grip import Contact, Grasp, Gripper, Object
 from .manipulators import Hand, Motion, Robot, Torque, check_torque, thrown_by
 from .poses import Pose
 from .section import Section, hints_of, part_of, quantity, rules, table_of, unit_of, unknown
-from .targets import Choice, Cost, Cup, Landing, Mesh, Obstacle, Rest, Tolerance, Workspace
+from .targets import Choice, Cost, Cup, Landing, Nlp, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
 #: Poses along each range of a region at which a bar may be in the cup: odd, with the middle.
@@ -33,7 +33,7 @@ MOVERS = ("hand", "robot", "motion")
 #: Sections that only a planned throw follows.
 PLANNED = (
     *("tolerance", "cost", "choice", "cup", "landing", "workspace", "obstacle", "uncertainty"),
-    *("robust", "rest", "calibration", "mesh"),
+    *("robust", "rest", "calibration", "nlp"),
 )
 #: Bounds of a scene without [workspace].
 UNBOUNDED = Workspace()
@@ -50,8 +50,8 @@ class Scene(Section):
     name: str = dataclasses.field(
         metadata=rules("name of the scene; a file's own name where left out")
     )
-    object: ThrownObject
-    contact: PadContact
+    object: Object
+    contact: Contact
     gripper: Gripper
     description: str = quantity("one line for `throwplan scenes`", default="")
     gravity: float = quantity("m/s², along −z", least=0, most=1e3, default=9.81)
@@ -72,7 +72,7 @@ class Scene(Section):
     robust: Robust | None = None
     rest: Rest | None = None
     calibration: Calibration | None = None
-    mesh: Mesh = dataclasses.field(default_factory=Mesh)
+    nlp: Nlp = dataclasses.field(default_factory=Nlp)
     arm: Arm | None = None
     file: str = ""
 
@@ -123,11 +123,11 @@ class Scene(Section):
     def _void(self) -> Iterator[str]:
         """Sections and keys that do nothing in a scene of this kind."""
         if self.motion is not None:
-            plain = {"tolerance": Tolerance(), "mesh": Mesh()}
+            plain = {"tolerance": Tolerance(), "nlp": Nlp()}
             for key in PLANNED:
                 if getattr(self, key) not in (None, (), plain.get(key)):
                     yield f"[{key}]: only for a scene with [hand] or [robot]"
-            if self.target is not None and not self.target.at_rest:
+            if self.target is not None and not self.target.is_fixed:
                 yield "[target] velocity and arrival: only for a scene with [hand] or [robot]"
             if self.gripper.sticking_margin != Gripper.sticking_margin:
                 yield "[gripper] sticking_margin: only for a scene with [hand] or [robot]"
@@ -147,13 +147,13 @@ class Scene(Section):
 
     def _check_dwell(self) -> None:
         dwell = self.gripper.profile().dwell
-        if self.motion is None and dwell > self.mesh.carry_max - 0.05:
+        if self.motion is None and dwell > self.nlp.carry_max - 0.05:
             raise InputError(
-                f"[gripper] dwell = {dwell:g}: must be below [mesh] carry_max = "
-                f"{self.mesh.carry_max:g} by 0.05 s"
+                f"[gripper] dwell = {dwell:g}: must be below [nlp] carry_max = "
+                f"{self.nlp.carry_max:g} by 0.05 s"
             )
         # The command is earlier by the known mean of the delay.
-        delay, longest = self.mean_delay, self.mesh.carry_max - 0.05 - dwell
+        delay, longest = self.mean_delay, self.nlp.carry_max - 0.05 - dwell
         if self.motion is None and not -dwell <= delay <= longest:
             raise InputError(
                 f"[uncertainty] delay: its mean = {delay:g}: must be {-dwell:g} to {longest:g} s: "
@@ -349,7 +349,7 @@ class Scene(Section):
         return Body(self.object.mass, self.object.inertia, self.com_offset)
 
     @functools.cached_property
-    def patch(self) -> Contact:
+    def patch(self) -> PinchContact:
         """The contact of the release models."""
         return self.contact.contact
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..models import Array, Indices
 from .checks import InputError
-from .grip import ThrownObject
+from .grip import Object
 
 #: A triangle of a binary STL file: normal, three corners, and two bytes without a meaning.
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
@@ -52,7 +52,7 @@ def stl_bytes(corners: Array) -> bytes:
     return bytes(HEADER) + len(corners).to_bytes(4, "little") + rows.tobytes()
 
 
-def covered_mesh(thrown: ThrownObject) -> Array:
+def covered_mesh(thrown: Object) -> Array:
     """Corners (F, 3, 3) [m] of the triangles of an object's mesh; InputError for one that is no STL
     file, or that its outline does not cover."""
     corners = read_stl(Path(str(thrown.mesh)))
@@ -60,7 +60,7 @@ def covered_mesh(thrown: ThrownObject) -> Array:
     return corners
 
 
-def mesh_parts(corners: Array, thrown: ThrownObject) -> list[Array]:
+def mesh_parts(corners: Array, thrown: Object) -> list[Array]:
     """Points (N, 3) [m] of an object's mesh of triangles (F, 3, 3) by the capsule of its outline
     that they are in, for each that has some: their convex hulls are the mesh's convex parts.
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..models.release import DECIDING
 from ..models.robot import Solid, about_z
 from .checks import InputError
-from .grip import ThrownObject
+from .grip import Object
 from .poses import Pose
 from .section import UNSET, Section, optional, quantity
 
@@ -98,7 +98,7 @@ class Cup(Section):
                 f"insertion = {self.insertion:g}: must be at most the depth {self.depth:g}"
             )
 
-    def radius_for(self, thing: ThrownObject) -> float:
+    def radius_for(self, thing: Object) -> float:
         """Inner radius [m] where the object is.
 
         A bar is as thick as it is wide, so a round cup is narrower off its middle. Capsules are
@@ -115,9 +115,7 @@ class Cup(Section):
             return f"{depth:.3g} m below its rim, depth {self.depth:g} m"
         return ""
 
-    def why_missed(
-        self, thing: ThrownObject, pose: tuple[float, float, float], error: float
-    ) -> str:
+    def why_missed(self, thing: Object, pose: tuple[float, float, float], error: float) -> str:
         """Why an object with its CoM at x, z [m], theta [rad], to an `error` [m], cannot have
         entered; empty if it can."""
         (x, z, theta), cos, sin = pose, math.cos(pose[2]), math.sin(pose[2])
@@ -310,7 +308,7 @@ class Cost(Section):
 
 
 @dataclasses.dataclass(frozen=True)
-class Mesh(Section):
+class Nlp(Section):
     """Numerical settings of the NLP. The defaults were chosen by measurement; few scenes need this
     section.
     """

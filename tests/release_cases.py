@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
-from throwplan.models import Body, Contact, Trajectory
+from throwplan.models import Body, PinchContact, Trajectory
 from throwplan.models.release import LinearGrip, Release, ReleaseCase
 from throwplan.models.release.patch import Patch
 
@@ -32,7 +32,7 @@ def reference_case(name: str) -> ReleaseCase:
     hand = STILL if values["hand"] == "drop" else values["hand"]
     return ReleaseCase(
         Body(body["m"], body["I"], body["h"]),
-        Contact(contact["mu"], contact["r"], contact["c"], contact["faces"]),
+        PinchContact(contact["mu"], contact["r"], contact["c"], contact["faces"]),
         LinearGrip(values["fN0"], 0.0, values["T"]),
         Trajectory.accelerating(
             (0.0, 0.0, hand["theta0"]), (*hand["v0"], hand["omega0"]), (*hand["a"], hand["alpha"])
@@ -128,7 +128,7 @@ def single(values: Values, i: int) -> ReleaseCase:
     body, contact, grip = (values[k] for k in ("object", "contact", "gripper"))
     return ReleaseCase(
         Body(*(float(body[k][i]) for k in ("mass", "inertia", "com_offset"))),
-        Contact(float(contact["friction"][i]), float(contact["patch_radius"][i]), 0.6, 2),
+        PinchContact(float(contact["friction"][i]), float(contact["patch_radius"][i]), 0.6, 2),
         LinearGrip(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
         Trajectory.accelerating(*(values["hand"][k][i] for k in ("pose", "twist", "acceleration"))),
     )

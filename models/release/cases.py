@@ -14,10 +14,10 @@ import numpy.typing as npt
 from ..body import (
     Array,
     Body,
-    Contact,
     Flags,
     FlightState,
     HandTrack,
+    PinchContact,
     ReadOnly,
     held_wrench,
     read_only,
@@ -43,7 +43,7 @@ class ReleaseCase:
     """
 
     body: Body
-    contact: Contact
+    contact: PinchContact
     grip: GripProfile
     hand: HandTrack
     gravity: float = 9.81
@@ -171,7 +171,7 @@ class ReleaseBatch:
 
     count: int
     body: Body
-    contact: Contact
+    contact: PinchContact
     grip: GripProfile | npt.NDArray[np.object_]
     hands: Trajectory
     opening: Array
@@ -189,7 +189,9 @@ class ReleaseBatch:
             self,
             count=len(throws),
             body=Body(*(cut(getattr(self.body, f.name)) for f in fields(Body))),
-            contact=Contact(*(cut(getattr(self.contact, f.name)) for f in fields(Contact))),
+            contact=PinchContact(
+                *(cut(getattr(self.contact, f.name)) for f in fields(PinchContact))
+            ),
             hands=self.hands.part(throws),
             opening=self.opening[throws],
             force=self.force[throws],

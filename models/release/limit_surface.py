@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..backend import Value, backend, components
-from ..body import Array, Body, Contact, HandSamples, com_wrench, contact_twist
+from ..body import Array, Body, HandSamples, PinchContact, com_wrench, contact_twist
 from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase
 from .integrators import by_levels, compiled_batch, surface_steps
 
@@ -117,7 +117,7 @@ class LimitSurfaceStepping:
     """
 
     body: Body
-    contact: Contact
+    contact: PinchContact
     gravity: Value = 9.81
     turned: bool = False
 

@@ -1,4 +1,4 @@
-"""Pads as a meshed patch of points with Coulomb friction, the reference for model errors.
+"""Pads as a grid of points with Coulomb friction, the reference for model errors.
 
 A disc under 'uniform' or 'hertz' pressure gets rings of points; its radius is chosen so that pure
 torsion is c r_p mu f_N, the limit of the ellipsoid in (19) of Liu and Billard. Backward Euler on
@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from ..body import Array, Body, Contact, Flags, HandSamples, sticking_state
+from ..body import Array, Body, Flags, HandSamples, PinchContact, sticking_state
 from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase, by_chunks, failed, onsets
 from .limit_surface import LimitSurfaceStepping, step_wrenches
 
@@ -217,7 +217,7 @@ class PatchThrows:
     """
 
     body: Body
-    contact: Contact
+    contact: PinchContact
     start: Array
     hand: HandSamples
     forces: Array

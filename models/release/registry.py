@@ -70,7 +70,7 @@ class ReleaseModel:
         return self.batches and self.chunk >= 1000
 
     def with_pressure(self, pressure: str) -> ReleaseModel:
-        """The model with 'uniform' or 'hertz' pressure of the pads; itself without meshed pads."""
+        """The model with 'uniform' or 'hertz' pressure of the pads; itself if it has no points."""
         if pressure == "uniform" or not isinstance(self.model, PatchRelease):
             return self
         return replace(self, model=replace(self.model, pressure=pressure))
@@ -155,7 +155,7 @@ MODELS = {
         ),
         ReleaseModel(
             "patch",
-            "meshed patch",
+            "patch of points",
             "64 points with Coulomb friction: the measure of model errors",
             "backward Euler",
             "#6b705c",
@@ -164,7 +164,7 @@ MODELS = {
         ),
         ReleaseModel(
             "lugre",
-            "meshed patch of bristles (LuGre)",
+            "bristles (LuGre)",
             "64 points with bristles",
             "backward Euler",
             "#118ab2",

@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from ..backend import Value, backend, components
-from ..body import Array, Body, Contact, HandMotion, pivot_wrench
+from ..body import Array, Body, HandMotion, PinchContact, pivot_wrench
 from .cases import LOST_SLIP, BatchRelease, Release, ReleaseBatch, ReleaseCase
 from .integrators import by_levels, compiled_batch, pivot_steps
 
@@ -43,7 +43,7 @@ class Widths:
     torque: Value
 
     @classmethod
-    def relative(cls, epsilon: Value, body: Body, contact: Contact, gravity: Value) -> Widths:
+    def relative(cls, epsilon: Value, body: Body, contact: PinchContact, gravity: Value) -> Widths:
         """Widths of `epsilon` times the body's weight and its weight's torque about the grasp.
 
         Both are above zero at g = 0 and h = 0, by an acceleration of 1 m/s^2 and the patch
@@ -66,7 +66,7 @@ class SlidingPivot:
     """
 
     body: Body
-    contact: Contact
+    contact: PinchContact
     gravity: Value = 9.81
     form: Form = "continuous"
     widths: Widths | None = None

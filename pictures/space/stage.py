@@ -15,7 +15,7 @@ from ..style import ARM, BLACK, PHASES
 from .motion import SpaceMotion, SpaceThrow
 
 if TYPE_CHECKING:
-    from ...problems import Pose, ThrownObject
+    from ...problems import Object, Pose
 
 
 #: Colour of links.
@@ -366,7 +366,7 @@ def put(node: Any, pose: Array) -> None:
     node.wxyz = Rotation.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
 
 
-def object_mesh(thrown: ThrownObject) -> tuple[Array, Indices]:
+def object_mesh(thrown: Object) -> tuple[Array, Indices]:
     """Vertices (N, 3) [m] and faces (F, 3) of an object's mesh, or without one of its outline.
 
     In the frame of its CoM that pictures use: along the axis, up, and to its right.

@@ -169,7 +169,7 @@ def build_nlp(request: Request, shared: Shared | None = None) -> ThrowNlp:
     constraints = _constraints_of(request)
     turns = any(constraint.turns for constraint in constraints)
     structure = Structure(
-        carry=scene.mesh.carry,
+        carry=scene.nlp.carry,
         opening=len(request.opening_nodes) - 1,
         early=0 if window is None else window.early,
         late=0 if window is None or window.held else window.late,
@@ -212,7 +212,7 @@ def _common_values(request: Request) -> dict[str, Any]:
         "sticking_limit": 1.0 - scene.gripper.sticking_margin - request.refinement.margins["grip"],
         "interval": np.diff(nodes),
         "grip_force 0": profile.force(grip_instants(nodes).ravel()),
-        "epsilon": scene.mesh.epsilon,
+        "epsilon": scene.nlp.epsilon,
         "start": request.manipulator.start,
         "start_rate": request.manipulator.initial_motion[0],
         "start_acceleration": request.manipulator.initial_motion[1],

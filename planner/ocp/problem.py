@@ -47,7 +47,7 @@ def variable_bounds(request: Request) -> dict[str, tuple[Any, Any]]:
         "dq": (-limits.dq, limits.dq),
         "ddq": (-limits.ddq, limits.ddq),
         "c": (-control, control),
-        "T": (max(command, CARRY_MIN), scene.mesh.carry_max),
+        "T": (max(command, CARRY_MIN), scene.nlp.carry_max),
         "t_f": (0.0, FLIGHT_MAX),
         PLACE.name: (-1.0, 1.0),
         **{slack.name: (0.0, ca.inf) for slack in SLACKS},
@@ -190,7 +190,7 @@ def effort_of(request: Request, motion: Trajectory) -> float:
     ddq, jerk, lengths = motion.starts(2), motion.starts(3), breaks[1:] - breaks[:-1]
     first, last = ddq / limits.ddq, (ddq + lengths[:, None] * jerk) / limits.ddq
     cost = (lengths @ mean_effort(first, last, jerk / limits.jerk, weights)).sum()
-    return float(cost + weights.carry_time * breaks[request.scene.mesh.carry])
+    return float(cost + weights.carry_time * breaks[request.scene.nlp.carry])
 
 
 def mean_effort(first: Any, last: Any, jerk: Any, weights: Weights) -> Any:

@@ -52,7 +52,7 @@ class ReducedVariables:
     def core(self) -> Structure:
         """Layout and bounds of u for the compiled core, without a sensitivity."""
         manipulator, (low, high) = self.request.manipulator, self._bounds
-        carry, opening = self.request.scene.mesh.carry, np.diff(self.request.nodes)
+        carry, opening = self.request.scene.nlp.carry, np.diff(self.request.nodes)
         n, size = manipulator.size, low.size
         core = Structure("move", n=n, carry=carry, size=size, unit=JERK_UNIT)
         core.stages, core.before = carry + opening.size, self.request.nodes[0]
@@ -70,7 +70,7 @@ class ReducedVariables:
     def _bounds(self) -> tuple[Array, Array]:
         """Bounds (size,) of u, widened by SLACK; those of the duration are exact."""
         manipulator, bounds = self.request.manipulator, variable_bounds(self.request)
-        stages = self.request.scene.mesh.carry + len(self.request.nodes) - 1
+        stages = self.request.scene.nlp.carry + len(self.request.nodes) - 1
         free, n = manipulator.start is None, manipulator.size
         low, high = (
             np.hstack(

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...models import Array
-from ...problems import Distribution, Mesh, Pose, Scene
+from ...problems import Distribution, Nlp, Pose, Scene
 from ..throw import Manipulator, Throw, friction_use
 from ..verdict import FLYING, Code, Finding, Verdict
 
@@ -180,7 +180,7 @@ class Weights(NamedTuple):
 
 @dataclass(frozen=True)
 class WindowSettings:
-    """Settings of a robust plan's window and its mesh.
+    """Settings of a robust plan's window and its intervals.
 
     step [s]: longest interval before the opening and after detach. deviations: of a normal
     distribution, inside the window. slow_opening: share of the opening by which a slow one may
@@ -261,10 +261,10 @@ def _sides(spread: Distribution) -> tuple[float, float]:
     return max(spread.expected - low, width), max(high - spread.expected, width)
 
 
-def opening_nodes(mesh: Mesh, opening: float) -> Array:
+def opening_nodes(nlp: Nlp, opening: float) -> Array:
     """Times (opening + 1,) [s] of the shooting nodes, from the start of the force's fall."""
-    shares = np.linspace(0.0, 1.0, mesh.opening + 1)
-    return np.asarray(opening * (1.0 - (1.0 - shares) ** mesh.grading))
+    shares = np.linspace(0.0, 1.0, nlp.opening + 1)
+    return np.asarray(opening * (1.0 - (1.0 - shares) ** nlp.grading))
 
 
 def load_curve(throw: Throw) -> tuple[Array, Array]:
@@ -328,7 +328,7 @@ class Request:
     @cached_property
     def nodes(self) -> Array:
         """Times [s] of the stages from the end of the carry on; 0 is the opening's start."""
-        nodes = opening_nodes(self.scene.mesh, self.scene.gripper.profile().opening)
+        nodes = opening_nodes(self.scene.nlp, self.scene.gripper.profile().opening)
         if self.window is None:
             return nodes
         before = self.window.step * np.arange(-self.window.early, 0)
@@ -346,5 +346,5 @@ class Request:
     def times(self, opening_time: float) -> Array:
         """Times (last + 1,) [s] of the stages on the motion's clock."""
         after = opening_time + self.nodes
-        carry = np.linspace(0.0, after[0], self.scene.mesh.carry + 1)
+        carry = np.linspace(0.0, after[0], self.scene.nlp.carry + 1)
         return np.concatenate([carry[:-1], after])

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, Body, Contact, FlightLaw, HandMotion
+from ...models import Array, Body, FlightLaw, HandMotion, PinchContact
 from ...models.release import SlidingPivot, Widths
 from ..throw import Manipulator
 from .stages import (
@@ -76,7 +76,7 @@ class Ocp:
             p, own = self.parameters, f" {opening}" if opening else ""
             body = Body(p(f"mass{own}"), p(f"inertia{own}"), p(f"com_offset{own}"))
             friction, radius = p(f"friction{own}"), p(f"patch_radius{own}")
-            contact = Contact(friction, radius, p("torsion"), p("faces"))
+            contact = PinchContact(friction, radius, p("torsion"), p("faces"))
             widths = Widths.relative(p("epsilon"), body, contact, p("gravity"))
             self.releases[opening] = SlidingPivot(body, contact, p("gravity"), widths=widths)
         return self.releases[opening]

@@ -254,7 +254,7 @@ def _reached(scene: Scene, manipulator: Manipulator, throws: Releases) -> Flags:
         np.cbrt(60 * distance / limits.jerk),
     ]
     needed = np.max(times, axis=0).max(axis=1, initial=0.0)
-    return np.asarray(needed + throws.run_up <= scene.mesh.carry_max)
+    return np.asarray(needed + throws.run_up <= scene.nlp.carry_max)
 
 
 def _off_floor(scene: Scene, manipulator: Manipulator, throws: Releases) -> Flags:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...models import Array, Indices
 from ...models.robot import Solid
-from ...problems import Cup, InputError, Scene, ThrownObject
+from ...problems import Cup, InputError, Object, Scene
 from ...problems.stl import mesh_parts, read_stl
 from ..verdict import reach_of_bar
 
@@ -112,7 +112,7 @@ def set_contacts(
     model.pair_friction[pairs, :2] = friction
 
 
-def add_object(spec: Any, bar: ThrownObject, name: str = "bar") -> list[str]:
+def add_object(spec: Any, bar: Object, name: str = "bar") -> list[str]:
     """A free object, x along its axis, y across the throw's plane; returns its geoms' names.
 
     A bar is a box, at least 1 mm thick; an outline its capsules. MuJoCo collides convex

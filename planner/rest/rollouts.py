@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, Flags, FlightState
-from ...problems import Cup, Scene, ThrownObject
+from ...problems import Cup, Object, Scene
 from ..verdict import reach_of_bar
 from .contact_model import ContactModel, floor_of, load_mujoco, plane_poses, pose_of
 
@@ -161,7 +161,7 @@ def is_still(states: Array) -> Flags:
     return np.asarray(((speed < SETTINGS.still_speed) & (rate < SETTINGS.still_rate)).all(axis=-1))
 
 
-def _heights(bar: ThrownObject, axis: Array, up: Array) -> Array:
+def _heights(bar: Object, axis: Array, up: Array) -> Array:
     """Heights [m] (..., 2 K) above the CoM of the lowest points at the ends of an outline's
     capsules; axis, up (..., 3)."""
     along, across = (bar.capsules[:, :4].reshape(-1, 2) - [bar.com, 0.0]).T
@@ -169,7 +169,7 @@ def _heights(bar: ThrownObject, axis: Array, up: Array) -> Array:
     return np.asarray(ends - np.repeat(bar.capsules[:, 4], 2))
 
 
-def _sunk(bar: ThrownObject) -> float:
+def _sunk(bar: Object) -> float:
     """Largest depth [m] of the lowest point of an object at rest below a surface.
 
     An outline reaches beyond its mesh, at flat ends by a radius.

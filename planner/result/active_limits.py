@@ -19,7 +19,7 @@ ADVICE = {
     "torque rate": ("[torque] rate", "raise [torque] rate if the robot allows"),
     "grip while carrying": ("[gripper] force", "raise [gripper] force, or lower sticking_margin"),
     "release": ("[gripper] opening", "a shorter [gripper] opening"),
-    "carry time": ("[mesh] carry_max", "raise [mesh] carry_max"),
+    "carry time": ("[nlp] carry_max", "raise [nlp] carry_max"),
     "flight time": ("[target] z", "a higher target"),
     "coming down": ("[target] z", "a lower target"),
     "no landing": ("[target] z", "a lower target"),

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from ...models import Flags
-from ...problems import Mesh, Scene
+from ...problems import Nlp, Scene
 from ..ocp import CONSTANT_RATES, LEAST_LOAD, SCENARIOS
 from ..result import Plan
 from ..search import Exact, NlpCache, Task, attempt, guess_of
@@ -21,8 +21,8 @@ from .results import pose_errors
 from .running import SAMPLES, SEED, judge_of, run_sweep
 from .statistics import ROUNDING, quantiles
 
-#: Mesh of robust throws: they hardly slide, so even intervals and a wide rounding are enough.
-ROBUST_MESH = Mesh(opening=8, grading=1.0, epsilon=0.03)
+#: [nlp] of robust throws: they hardly slide, so even intervals and a wide rounding are enough.
+ROBUST_NLP = Nlp(opening=8, grading=1.0, epsilon=0.03)
 #: Share of the samples for which grip and clearances of a robust throw have a reserve.
 RESERVED = 0.999
 #: NLPs of one method from one throw.
@@ -108,9 +108,9 @@ class Hardening:
     def from_throw(self, source: Plan, method: str) -> Plan | None:
         """A throw by one method from a plan's: with reserves for uncertain parameters, else without
         them; None without any."""
-        start, mesh = source.throw, self.problems.scene.mesh
+        start, nlp = source.throw, self.problems.scene.nlp
         assert start is not None
-        plain = self.task.scene.replace(mesh=mesh)
+        plain = self.task.scene.replace(nlp=nlp)
         for scene in dict.fromkeys((with_reserves(plain), plain)):
             task = dataclasses.replace(self.task, scene=scene)
             refinement = dataclasses.replace(start.refinement, quiet=0.0)
@@ -171,8 +171,8 @@ def hardened(
 
 
 def robust_scene(scene: Scene) -> Scene:
-    """The scene with the mesh of robust plans, unless it sets its own."""
-    return scene.replace(mesh=ROBUST_MESH) if scene.mesh == Mesh() else scene
+    """The scene with the [nlp] of robust plans, unless it sets its own."""
+    return scene.replace(nlp=ROBUST_NLP) if scene.nlp == Nlp() else scene
 
 
 def with_reserves(scene: Scene) -> Scene:

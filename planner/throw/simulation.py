@@ -17,10 +17,10 @@ import numpy.typing as npt
 from ...models import (
     Array,
     Body,
-    Contact,
     FlightLaw,
     HandTrack,
     MovedHand,
+    PinchContact,
     ReadOnly,
     Trajectory,
     low_pass,
@@ -284,7 +284,7 @@ def _batch(scene: Scene, hand: Mapping[str, Any], **given: Mapping[str, Any]) ->
     opening, force = full["gripper"]["opening"], full["gripper"]["force"]
     _check_cover(hands, opening)
     body = Body(**full["object"])
-    contact = Contact(**full["contact"])
+    contact = PinchContact(**full["contact"])
     gravity, angle = scene.gravity, scene.grasp.angle
     return ReleaseBatch(count, body, contact, profile, hands, opening, force, gravity, angle)
 

@@ -4,6 +4,6 @@
 """
 
 from .delays import FURTHEST, DelayScan, DelayTolerance, scan_delays, with_delays
-from .resting import Entries, RestCount, RestingThrow, count_rests
+from .rest_count import Entries, RestCount, RestingThrow, count_rests
 from .sampled_throws import spread, warnings
 from .sampler import Sampler, sampler_of

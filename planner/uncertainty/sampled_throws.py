@@ -66,7 +66,7 @@ def _models(throw: Throw, target: Pose) -> Iterator[Finding]:
 def _reserves(throw: Throw, target: Pose, robust: bool) -> Iterator[Finding]:
     """Warnings about limits, except the tolerance, that throws within [uncertainty] break."""
     # A robust plan does not go with a target that moves.
-    first = "" if robust or not target.at_rest else "plan with --robust, "
+    first = "" if robust or not target.is_fixed else "plan with --robust, "
     scene = throw.scene
     if scene.uncertainty is None:
         return

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...cycles import at_rest, joined, lifted_pose, raised_pose
+from ...cycles import joined, lifted_pose, raised_pose, standstill
 from ...models import Array, Trajectory
 from ...planner import (
     TICK,
@@ -245,7 +245,7 @@ def approach(motion: SentMotion, start: Array) -> Array:
     would come too close to the floor, an obstacle, or each other.
     """
     arm, space = arm_of(motion), motion.spaces[0]
-    now, goal = at_rest(start), at_rest(motion.q[0])
+    now, goal = standstill(start), standstill(motion.q[0])
     straight = _straight(arm, now, goal)
     broken = _broken_words(space, motion, straight)
     if not broken:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import Capsule, Grasp, InputError, ThrownObject, held_object
+from ...problems import Capsule, Grasp, InputError, Object, held_object
 from .capsules import parts_of
 
 #: Largest and smallest size [m] of an object that is thrown.
@@ -57,7 +57,7 @@ class MeshObject:
     beyond the mesh at most; middle: whether the object turns about its middle principal axis.
     """
 
-    object: ThrownObject
+    object: Object
     grasp: Grasp
     corners: Array
     beyond: float

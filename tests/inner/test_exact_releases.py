@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from scipy.integrate import solve_ivp
-from throwplan.models import Body, Contact, MovedHand, Trajectory
+from throwplan.models import Body, MovedHand, PinchContact, Trajectory
 from throwplan.models.release import (
     LinearGrip,
     Release,
@@ -124,7 +124,7 @@ def test_a_long_release_of_samples_has_all_its_nodes(opening: float) -> None:
     q = np.stack([0.1 * times, 0.3 * np.sin(12 * times), 0 * times], 1)
     dq, ddq = (np.gradient(q, 1e-3, axis=0), -0.3 * 144 * np.sin(12 * times)[:, None] * [0, 1, 0])
     path = Trajectory.quintics(1e-3, q, dq, ddq).shifted(0.02)
-    body, contact = Body(0.1, 1e-4, 0.05), Contact(0.5, 0.005, 0.6, 2)
+    body, contact = Body(0.1, 1e-4, 0.05), PinchContact(0.5, 0.005, 0.6, 2)
     found = exact_surface_release(ReleaseCase(body, contact, LinearGrip(20.0, 0.0, opening), path))
     assert np.diff(found.times).max() <= 2e-3 and found.times[-1] == pytest.approx(opening)
 

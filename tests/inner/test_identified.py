@@ -30,13 +30,13 @@ from throwplan.lab import (
 )
 from throwplan.lab.throws import MeasuredThrow, Shared, ThrowData
 from throwplan.models.release import TableGrip
-from throwplan.problems import Distribution, Grasp, InputError, ThrownObject, Uncertainty
+from throwplan.problems import Distribution, Grasp, InputError, Object, Uncertainty
 
 Array = npt.NDArray[np.float64]
 
 MU, RADIUS, LATE = 0.8, 0.004, 0.006
 NOISE = (0.002, 0.01)
-BARS = (ThrownObject(0.24, 0.26, 0.10, 535e-6), ThrownObject(0.24, 0.26, 0.16, 802e-6))
+BARS = (Object(0.24, 0.26, 0.10, 535e-6), Object(0.24, 0.26, 0.16, 802e-6))
 
 
 def made(

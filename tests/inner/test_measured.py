@@ -9,7 +9,7 @@ import pytest
 from throwplan.lab import measured
 from throwplan.lab.throws import MeasuredThrow, Shared, ThrowData
 from throwplan.models.release import TableGrip
-from throwplan.problems import Grasp, InputError, ThrownObject
+from throwplan.problems import Grasp, InputError, Object
 
 G, HEIGHT, OPENED = 9.81, -0.7, 0.6
 #: CoM pose and twist at the opening's end.
@@ -32,7 +32,7 @@ def data(rest_at: float, end: float = 2.0, landing: tuple | None = None) -> Thro
     times = np.arange(-0.1, end, 0.004)
     flight = np.minimum(times, landing_time(rest_at))
     track = np.column_stack([times + OPENED, state(flight)])
-    bar = ThrownObject(mass=0.24, inertia=535e-6, length=0.26, com=0.10)
+    bar = Object(mass=0.24, inertia=535e-6, length=0.26, com=0.10)
     grip = TableGrip([0.0, 0.05, 0.10], [120.0, 120.0, 0.0])
     motion = np.column_stack([times, 0 * times, 0 * times])
     throw = MeasuredThrow(

@@ -100,13 +100,13 @@ def test_collocation_lands_where_runge_kutta_does(name: str) -> None:
 
 def collocation_error(scene: tp.Scene, opening: int) -> np.ndarray:
     """Error of the landing, x [m] and theta [rad], by `opening` intervals."""
-    scene = varied(scene, mesh={"opening": opening, "epsilon": 0.3})
+    scene = varied(scene, nlp={"opening": opening, "epsilon": 0.3})
     nlp = nlp_of(scene)
     x, p = point_of(scene, nlp)
     free = [where for block, _, where in nlp.blocks if block.name in ("rel", "acc")]
     slopes = nlp_functions(nlp, "fatrop")["nlp_jac_g"]
     rows = [i for i, row in enumerate(nlp.row_names) if row == "sliding pivot"]
-    for link in nlp.links[scene.mesh.carry :]:
+    for link in nlp.links[scene.nlp.carry :]:
         rows += range(link.gap.start, link.gap.stop)
     columns = np.concatenate([np.arange(w.start, w.stop) for w in free])
     for _ in range(40):
@@ -120,7 +120,7 @@ def collocation_error(scene: tp.Scene, opening: int) -> np.ndarray:
     landing = np.array(nlp.landing(x, p)).ravel()
     planned, opens = nlp.motion(request_of(scene), x)
     body, pads, grip = scene.body, scene.patch, scene.gripper.profile()
-    widths = Widths.relative(scene.mesh.epsilon, body, pads, scene.gravity)
+    widths = Widths.relative(scene.nlp.epsilon, body, pads, scene.gravity)
     law = SlidingPivot(body, pads, scene.gravity, widths=widths)
     times = np.linspace(0.0, grip.opening, 8001)
     hand = make_manipulator(scene).hand(planned).at(opens + times)
@@ -149,7 +149,7 @@ def test_bounds_come_from_the_limits_less_the_margins() -> None:
 def test_position_limits_hold_between_nodes() -> None:
     """A start near a limit with few, long intervals: the whole curve stays inside."""
     scene = tp.load_scene("pose")
-    plan = tp.plan(varied(scene, mesh={"carry": 3}))
+    plan = tp.plan(varied(scene, nlp={"carry": 3}))
     assert plan.solved and plan.throw is not None
     limits = plan.manipulator.planning
     times = np.linspace(0, plan.throw.opening_time, 2000)
@@ -184,7 +184,7 @@ def test_guess_lands_near_its_own_release() -> None:
     x, p = point_of(scene, nlp)
     function = ca.Function("g", [nlp.problem["x"], nlp.problem["p"]], [nlp.problem["g"]])
     g = np.array(function(x, p)).ravel()
-    opening = nlp.links[scene.mesh.carry + 1 : -1]
+    opening = nlp.links[scene.nlp.carry + 1 : -1]
     assert max(np.abs(g[link.gap]).max() for link in opening) < 0.05
     landed = np.array(nlp.landing(x, p)).ravel()
     assert landed[1] == pytest.approx(scene.target.z, abs=0.01)

@@ -42,7 +42,7 @@ MORE = """
 speed_min = 1.0
 speed_max = 9.0
 rate_max = 8.0
-[mesh]
+[nlp]
 carry = 10
 opening = 10
 epsilon = 0.03

@@ -93,7 +93,7 @@ def test_bounds_of_landing_are_kept(tmp_path) -> None:
 def test_a_start_to_wind_up_from_takes_nothing_but_time() -> None:
     """With a given start and a long carry the same throws as without; fewer in a short one."""
     scene = tp.load_scene("flip")
-    long, short = (varied(scene, mesh={"carry_max": most}) for most in (5.0, 0.4))
+    long, short = (varied(scene, nlp={"carry_max": most}) for most in (5.0, 0.4))
     # Run-ups are drawn up to the longest carry, so compare the same limit.
     free = varied(long, robot={"start": None})
     from_start, from_anywhere = (tp.reach_map(s, samples=2000).x.size for s in (long, free))

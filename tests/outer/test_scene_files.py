@@ -312,7 +312,7 @@ VOID = [
             '[[obstacle]]\nname = "a"\nkind = "sphere"\nsize = [0.1]\nposition = [0, 0, 0]',
             "[uncertainty]\ndelay = { uniform = 0.01 }",
             "[robust]",
-            "[mesh]\ncarry = 8",
+            "[nlp]\ncarry = 8",
         )
     ],
     (

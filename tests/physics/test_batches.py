@@ -17,7 +17,7 @@ from release_cases import (
     reference_values,
     single,
 )
-from throwplan.models import Body, Contact, FlightLaw, Trajectory, write_core_laws
+from throwplan.models import Body, FlightLaw, PinchContact, Trajectory, write_core_laws
 from throwplan.models.release import (
     ImplicitRelease,
     KarnoppRelease,
@@ -202,7 +202,7 @@ def test_single_models_are_finite_or_say_why(model, count) -> None:
 def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
     case = ReleaseCase(
         Body(5.0, 0.01, 0.05),
-        Contact(0.05, 0.001, 0.6, 2),
+        PinchContact(0.05, 0.001, 0.6, 2),
         LinearGrip(1.0, 0.0, 1.0),
         Trajectory.accelerating((0.0, 0.0, 0.0)),
     )

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import inertia_matrix, swinging, varied
-from throwplan.models import Contact, pinch_use
+from throwplan.models import PinchContact, pinch_use
 from throwplan.planner.result import read_motion
 from throwplan.planner.throw import Samples, friction_use, make_manipulator
 from throwplan.planner.verdict import BAR, Code, SpatialScene, Verdict, grip_use, motion_verdict
@@ -152,7 +152,7 @@ def test_grip_and_torques_are_those_of_mujoco(name: str) -> None:
 
 # The pinch.
 
-CONTACT = Contact(0.9, 0.004, 0.6, 2)
+CONTACT = PinchContact(0.9, 0.004, 0.6, 2)
 FULL = 80.0
 
 

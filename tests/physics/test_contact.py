@@ -1,4 +1,4 @@
-"""Contact kinematics, wrenches, limits and the limit surface, from first principles."""
+"""PinchContact kinematics, wrenches, limits and the limit surface, from first principles."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from release_cases import BAR
-from throwplan.models import Contact, HandMotion, com_wrench, contact_twist, pivot_wrench
+from throwplan.models import HandMotion, PinchContact, com_wrench, contact_twist, pivot_wrench
 
 relaxed = settings(deadline=None)
 number = st.floats(-10, 10)
@@ -103,7 +103,7 @@ def test_a_level_bar_at_rest_needs_its_weight_and_its_moment():
 @relaxed
 @given(mu=positive, radius=st.floats(1e-4, 0.05), force=positive, angle=st.floats(0, 7))
 def test_utilisation_is_one_on_the_limits(mu, radius, force, angle):
-    contact = Contact(mu, radius, torsion=0.6, faces=2)
+    contact = PinchContact(mu, radius, torsion=0.6, faces=2)
     f_max = 2 * mu * force
     tau_max = 0.6 * radius * f_max
     pull = f_max * math.cos(angle), f_max * math.sin(angle)
@@ -115,7 +115,7 @@ def test_utilisation_is_one_on_the_limits(mu, radius, force, angle):
 
 # The ellipsoid: its gauge, its sliding wrench, normality.
 
-CONTACT = Contact(0.7, 0.006, 0.6, 2)
+CONTACT = PinchContact(0.7, 0.006, 0.6, 2)
 SCALE = np.array([0.7, 0.7, 0.7 * 0.6 * 0.006])
 
 

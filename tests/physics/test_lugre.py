@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from release_cases import BAR, VALUES, energy_of, reference_case
 from scipy.integrate import solve_ivp
-from throwplan.models import Contact, Trajectory
+from throwplan.models import PinchContact, Trajectory
 from throwplan.models.release import LinearGrip, ReleaseCase
 from throwplan.models.release.patch import PatchRelease, critical_damping, disc
 
@@ -76,7 +76,7 @@ def test_stiff_bristles_become_the_rigid_patch(name: str) -> None:
 
 
 def test_a_gripped_bar_stays_put() -> None:
-    contact, hand = Contact(0.8, 0.0075), Trajectory.accelerating((0.0, 0.0, 0.4))
+    contact, hand = PinchContact(0.8, 0.0075), Trajectory.accelerating((0.0, 0.0, 0.4))
     case = ReleaseCase(BAR, contact, LinearGrip(400.0, 0.0, 0.05), hand)
     release = PatchRelease(stiffness=1e6).release(case)
     # In the first half bristles bend further as the grip falls: less than mu / sigma_0.

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from release_cases import BAR, VALUES, energy_of, landed, log_floats, reference_case, sliding_wrench
-from throwplan.models import Body, Contact, Trajectory
+from throwplan.models import Body, PinchContact, Trajectory
 from throwplan.models.release import LinearGrip, ReleaseCase, SteppedRelease
 from throwplan.models.release.patch import (
     CREEP,
@@ -22,7 +22,7 @@ from throwplan.models.release.patch import (
 
 CASES = sorted(VALUES)
 BLOCK = Body(0.24, 5.35e-4, 0.0)
-PADS = Contact(0.8, 0.0075)
+PADS = PinchContact(0.8, 0.0075)
 GRIP = LinearGrip(50.0, 0.0, 0.05)
 REST = Trajectory.accelerating((0.0, 0.0, 0.0))
 PRESSURES = ("uniform", "hertz")

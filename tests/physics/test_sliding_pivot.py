@@ -10,12 +10,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from release_cases import BAR, VALUES, expected, order_of, reference_case, reference_values
-from throwplan.models import Body, Contact, FlightLaw, FlightState, HandMotion, pivot_wrench
+from throwplan.models import Body, FlightLaw, FlightState, HandMotion, PinchContact, pivot_wrench
 from throwplan.models.release import SlidingPivot, SlidingPivotRelease, Widths, rk4_step
 
 GRAVITY = 9.81
 FORMS = ("continuous", "paper")
-PADS = Contact(friction=1.0, patch_radius=0.0025)
+PADS = PinchContact(friction=1.0, patch_radius=0.0025)
 
 relaxed = settings(deadline=None)
 
@@ -25,7 +25,7 @@ class Throws:
     """N releases side by side, each value (N,): the hand has constant accelerations."""
 
     body: Body
-    contact: Contact
+    contact: PinchContact
     theta: np.ndarray
     velocity: np.ndarray
     omega: np.ndarray
@@ -91,7 +91,7 @@ def com_acceleration(law, state, hand, grip):
 def throws_of_cases():
     values = reference_values()
     (*_, theta), (*velocity, omega), (*pull, alpha) = (rows.T for rows in values["hand"].values())
-    body, contact = Body(**values["object"]), Contact(**values["contact"])
+    body, contact = Body(**values["object"]), PinchContact(**values["contact"])
     hand = theta, np.array(velocity), omega, np.array(pull), alpha
     return Throws(body, contact, *hand, *values["gripper"].values())
 
@@ -204,7 +204,7 @@ def random_drops(n):
     none, zero = np.zeros((2, n)), np.zeros(n)
     return Throws(
         Body(mass, mass * arm**2, rng.uniform(0, 0.4, n)),
-        Contact(rng.uniform(0.1, 1.5, n), 10 ** rng.uniform(-3.3, -1.5, n)),
+        PinchContact(rng.uniform(0.1, 1.5, n), 10 ** rng.uniform(-3.3, -1.5, n)),
         rng.uniform(-math.pi, math.pi, n),
         velocity=none,
         omega=zero,
@@ -278,7 +278,7 @@ def test_smoothing_moves_landings_by_its_width_squared():
 def symbolic(form, epsilon):
     """Rates and their Jacobian: (z, p) with z = state, hand, grip and p = m, I, h, mu, r_p, g."""
     z, p = ca.SX.sym("z", 6 + 6), ca.SX.sym("p", 6)
-    body, contact = Body(p[0], p[1], p[2]), Contact(p[3], p[4])
+    body, contact = Body(p[0], p[1], p[2]), PinchContact(p[3], p[4])
     widths = None if epsilon is None else Widths.relative(epsilon, body, contact, p[5])
     law = SlidingPivot(body, contact, p[5], form, widths)
     rates = ca.vertcat(*law.rates(z[:6], HandMotion(*ca.vertsplit(z[6:11])), z[11]))

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from release_cases import VALUES, energy_of, log_floats, reference_case
 from scipy.optimize import brentq
-from throwplan.models import Body, Contact, HandSamples, Trajectory, contact_twist
+from throwplan.models import Body, HandSamples, PinchContact, Trajectory, contact_twist
 from throwplan.models.release import LinearGrip, Release, ReleaseCase, SteppedRelease
 from throwplan.models.release.limit_surface import LimitSurfaceStepping
 
@@ -85,7 +85,7 @@ pulls = st.floats(-40, 40)
 cases = st.builds(
     lambda m, arm, h, mu, patch, full, opening, theta, twist, pull: ReleaseCase(
         Body(m, m * arm**2, h),
-        Contact(mu, patch),
+        PinchContact(mu, patch),
         LinearGrip(full, 0.0, opening),
         Trajectory.accelerating((0.0, 0.0, theta), twist, (pull[0], pull[1], 5 * pull[2])),
     ),
@@ -98,7 +98,7 @@ cases = st.builds(
 
 
 def impulses_and_slips(case: ReleaseCase, release: Release) -> tuple[np.ndarray, np.ndarray]:
-    """Contact impulse and slip twist of each step, (3, K) both."""
+    """PinchContact impulse and slip twist of each step, (3, K) both."""
     dt, body = release.times[1], case.body
     hand = case.hand.at(release.times)
     change = np.diff(release.com_twist, axis=1)
@@ -171,7 +171,7 @@ def test_symmetries(name) -> None:
 )
 def test_a_still_hand_gives_no_energy(mass, arm, h, mu, patch, theta, full, steps) -> None:
     body, hand = Body(mass, mass * arm**2, h), Trajectory.accelerating((0.0, 0.0, theta))
-    case = ReleaseCase(body, Contact(mu, patch), LinearGrip(full, 0.0, 0.05), hand)
+    case = ReleaseCase(body, PinchContact(mu, patch), LinearGrip(full, 0.0, 0.05), hand)
     release = SteppedRelease(steps).release(case)
     energy = energy_of(case, release)
     kinetic = energy - mass * GRAVITY * release.com[1]

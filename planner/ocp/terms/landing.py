@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 
 import casadi as ca
 
-from ....problems import ThrownObject
+from ....problems import Object
 from ..request import Request
 from ..scene_constraint import Flight, SceneConstraint
 from ..stages import Block, Stage, T
@@ -217,7 +217,7 @@ def _offset(request: Request) -> float:
     return 0.0 if aim is None or target is None else aim.plane_x - target.plane_x
 
 
-def lower_end(bar: ThrownObject, theta: float) -> tuple[float, float, float]:
+def lower_end(bar: Object, theta: float) -> tuple[float, float, float]:
     """The end that lands lower at an angle [rad]: distances [m] along and across the axis from the
     CoM, and radius [m] around it, which is 0 for a bar."""
     if bar.outline:

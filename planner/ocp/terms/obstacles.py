@@ -195,7 +195,7 @@ def _planes(request: Request, bodies: Sequence[str]) -> Array:
     scene, manipulator, reference = request.scene, request.manipulator, request.reference
     capsules, carry = manipulator.capsules, SETTINGS.carry
     moving = [*_links(capsules, bodies), *(_parts(scene) if BAR in bodies else [])]
-    stages = scene.mesh.carry + len(request.nodes)
+    stages = scene.nlp.carry + len(request.nodes)
     if reference is None:
         return np.tile(EMPTY, (stages, carry, len(moving), SETTINGS.count, 1))
     nodes = request.times(reference.opening_time)

@@ -28,8 +28,8 @@ from .run_ups import clears_carried, clears_thrown, run_up
 #: Version of stored tables; raise it after a change of how releases are drawn or thrown.
 FORMAT = 1
 #: Parts of a scene that releases do not depend on: what chooses among throws, where they
-#: land. Of [mesh] they depend on `carry_max` alone.
-CHOICE = {"cost", "choice", "torque", "uncertainty", "robust", "mesh"}
+#: land. Of [nlp] they depend on `carry_max` alone.
+CHOICE = {"cost", "choice", "torque", "uncertainty", "robust", "nlp"}
 LANDING = {"target", "tolerance", "cup", "landing", "obstacle", "rest", "calibration"}
 #: Bins of landings on each axis.
 BINS = 40
@@ -113,10 +113,10 @@ class ReleaseSampler:
         # The run-up's mean acceleration stays under the limits.
         duration = (np.abs(dq) / self.manipulator.planning.ddq).max(axis=1)
         duration = duration * rng.uniform(1.3, 2.2, duration.size)
-        duration = np.clip(duration, 0.12, self.scene.mesh.carry_max)
+        duration = np.clip(duration, 0.12, self.scene.nlp.carry_max)
         if self.manipulator.start is not None:
             # The way from a given start may take up to the longest carry.
-            longest = self.scene.mesh.carry_max
+            longest = self.scene.nlp.carry_max
             duration = np.maximum(duration, 0.25)
             duration = duration * (longest / duration) ** rng.uniform(0.0, 1.0, duration.size)
         keep = self.within_limits(q, dq, ddq, duration)
@@ -244,7 +244,7 @@ def stored_releases(scene: Scene, count: int, seed: int, draw: Callable[[], Rele
     folder = cache_folder()
     if folder is None:
         return draw()
-    parts = f"releases {FORMAT}", repr((scene.mesh.carry_max, count, seed))
+    parts = f"releases {FORMAT}", repr((scene.nlp.carry_max, count, seed))
     name = f"{digest_of(scene.unnamed, CHOICE | LANDING, *parts)}.npz"
     found = _read(folder / name)
     if found is None:

@@ -13,7 +13,7 @@ import numpy as np
 from ....core import Structure, array, library, out, rows, structures
 from ....models import Array, sticking_state
 from ....models.robot import ArmCapsules, Solid, segment_distance, shape_overlaps
-from ....problems import InputError, Scene, ThrownObject, ThrowPlane
+from ....problems import InputError, Object, Scene, ThrowPlane
 from ...throw import Manipulator
 from .outlines import bar_ends, held_bar
 
@@ -231,7 +231,7 @@ def _floor(height: float) -> KeepOut:
     return KeepOut("floor", plate, 0.0, bar=False)
 
 
-def bar_radii(bar: ThrownObject) -> list[float]:
+def bar_radii(bar: Object) -> list[float]:
     """Radii [m] of the object's capsules: of its outline, or the distance of a bar's edges from its
     axis, as its thickness equals its width."""
     return [part.radius for part in bar.outline] or [bar.width / math.sqrt(2)]
@@ -270,7 +270,7 @@ def hand_pairs(scene: Scene, capsules: ArmCapsules) -> list[tuple[int, int, floa
 
 @lru_cache(maxsize=8)
 def _hand_pairs(
-    capsules: ArmCapsules, bar: ThrownObject, offset: float, angle: float, clearance: float | None
+    capsules: ArmCapsules, bar: Object, offset: float, angle: float, clearance: float | None
 ) -> tuple[tuple[int, int, float], ...]:
     # All from the joint that moves the hand, its link's angle being 0.
     arm, count, found = capsules.arm, len(capsules.number), list[tuple[int, int, float]]()
@@ -293,11 +293,7 @@ def _hand_pairs(
 
 @lru_cache(maxsize=8)
 def _shape(
-    capsules: ArmCapsules | None,
-    bar: ThrownObject,
-    offset: float,
-    angle: float,
-    clearance: float | None,
+    capsules: ArmCapsules | None, bar: Object, offset: float, angle: float, clearance: float | None
 ) -> Structure:
     """Arm, in the plane at azimuth 0, and bar for the compiled core."""
     links, parts = 0 if capsules is None else len(capsules.number), bar_radii(bar)

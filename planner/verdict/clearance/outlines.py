@@ -9,10 +9,10 @@ import numpy as np
 from ....core import Structure, array, library, out
 from ....models import Array, lowest_point, sticking_state
 from ....models.robot import Tool, flange_velocity
-from ....problems import Scene, ThrownObject
+from ....problems import Object, Scene
 
 
-def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:
+def bar_outline(bar: Object, com: Array, points: int = 2) -> Array:
     """Points (2, N, 2 * points) on the bar's two long edges for CoM poses (3, N).
 
     With two points an edge: the four corners.
@@ -22,13 +22,13 @@ def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:
     return _placed(com, along, np.repeat([-bar.width / 2, bar.width / 2], points))
 
 
-def outline_ends(bar: ThrownObject, com: Array) -> Array:
+def outline_ends(bar: Object, com: Array) -> Array:
     """Ends (2, N, 2 * K) of the K capsules of an outline for CoM poses (3, N)."""
     along, across = bar.capsules[:, :4].reshape(-1, 2).T
     return _placed(com, along - bar.com, across)
 
 
-def lowest_of_bar(bar: ThrownObject, com: Array) -> Array:
+def lowest_of_bar(bar: Object, com: Array) -> Array:
     """Height [m] (N,) of the object's lowest point for CoM poses (3, N)."""
     if bar.outline:
         heights = outline_ends(bar, com)[1] - np.repeat(bar.capsules[:, 4], 2)
@@ -37,7 +37,7 @@ def lowest_of_bar(bar: ThrownObject, com: Array) -> Array:
     return np.asarray(lowest_point(com[1], np.cos(com[2]), np.sin(com[2]), ends, bar.width / 2))
 
 
-def reach_of_bar(bar: ThrownObject) -> float:
+def reach_of_bar(bar: Object) -> float:
     """Distance [m] of the bar's farthest corner from the CoM."""
     return math.hypot(max(bar.com, bar.length - bar.com), bar.width / 2)
 
@@ -56,7 +56,7 @@ def _placed(pose: Array, along: Array, across: Array) -> Array:
     return np.array([x, z])
 
 
-def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Array:
+def palm_distance(bar: Object, tool: Tool, com: Array, hand: Array) -> Array:
     """Distance [m] (N,) between bar and hand body; below 0, where they overlap, how deep."""
     around = _scene(bar)
     around.palm_back, around.palm_front = tool.palm_back, tool.palm_front
@@ -67,7 +67,7 @@ def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Arr
     return found
 
 
-def column_distance(bar: ThrownObject, com: Array, radius: float, height: float) -> Array:
+def column_distance(bar: Object, com: Array, radius: float, height: float) -> Array:
     """Signed distance [m] (N,) of the bar from the base column, aside or above; negative inside.
 
     The least of max(|x| - radius, z - height) on the outline. Infinite where the column is out of
@@ -80,7 +80,7 @@ def column_distance(bar: ThrownObject, com: Array, radius: float, height: float)
     return found
 
 
-def _scene(bar: ThrownObject) -> Structure:
+def _scene(bar: Object) -> Structure:
     found = Structure("scene", behind=bar.com, length=bar.length, half_width=bar.width / 2)
     if bar.outline:
         found.parts = len(bar.outline)
@@ -107,7 +107,7 @@ def grasp_distance(scene: Scene) -> float:
     return float(palm_distance(scene.object, scene.arm.tool, held_bar(scene, hand), hand)[0])
 
 
-def bar_ends(bar: ThrownObject, com: Array) -> Array:
+def bar_ends(bar: Object, com: Array) -> Array:
     """Ends (K, 2, 3, N) of the axes of the object's K capsules, one for a bar, for CoM poses
     (3, N)."""
     if bar.outline:
