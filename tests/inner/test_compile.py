@@ -18,7 +18,7 @@ from throwplan.planner.ocp.machine_code import c_compiler, compiled
 NAMES = ("f", "g")
 ROOT = Path(__file__).parents[2]
 #: Packages beside the core.
-PACKAGES = ("models", "problems", "planner", "cli", "cycles", "lab", "robots")
+PACKAGES = ("models", "problems", "planner", "cli", "cycles", "lab", "pictures", "robots")
 
 
 def derived() -> dict[str, ca.Function]:

@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 #: Packages beside the core.
-PACKAGES = ("models", "problems", "planner", "cli", "cycles", "lab", "robots")
+PACKAGES = ("models", "problems", "planner", "cli", "cycles", "lab", "pictures", "robots")
 CHECKS = ["-O0", "-g", "-fno-omit-frame-pointer", "-fsanitize=address,undefined"]
 CHECKS += ["-fno-sanitize-recover=all"]
 

@@ -57,7 +57,7 @@ def test_a_scene_to_plan_is_refused_with_a_shape(command, tmp_path, refused) -> 
 
 
 def test_a_cycle_is_refused_with_a_shape(tmp_path, refused) -> None:
-    jobs = (Path(tp.__file__).parent / "problems" / "jobs").glob("*.toml")
+    jobs = (Path(tp.__file__).parent / "cycles" / "jobs").glob("*.toml")
     text = min(jobs).read_text()
     path = tmp_path / "jobs.toml"
     pick = "[[pick]]\n"

@@ -19,7 +19,7 @@ from throwplan import pictures, robots
 
 ROOT = Path(__file__).parent.parent.parent
 #: Packages beside the core.
-PACKAGES = ("models", "problems", "planner", "cli", "cycles", "lab", "robots")
+PACKAGES = ("models", "problems", "planner", "cli", "cycles", "lab", "pictures", "robots")
 
 
 def test_a_plan_is_drawn_followed_and_read_back(tmp_path) -> None:
