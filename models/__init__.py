@@ -1,10 +1,10 @@
 """Models of a rigid bar in the hand and in flight, and of motions: for floats, arrays and CasADi.
 
-`release` has the release models and their registry, `robot` the arms. This package imports no
-scenes, files or solvers.
+`release_dynamics`, `limit_surface_step` and `flight` give them as CasADi functions. `release` has
+the release models and their registry, `robot` the arms. This package imports no scenes, files or
+solvers.
 """
 
-from .backend import Value
 from .body import (
     Array,
     Body,
@@ -18,9 +18,6 @@ from .body import (
     Indices,
     PinchUse,
     ReadOnly,
-    com_twist,
-    com_wrench,
-    contact_twist,
     held_wrench,
     lowest_point,
     pinch_use,
@@ -28,5 +25,6 @@ from .body import (
     read_only,
     sticking_state,
 )
-from .surface import SHAPES, SurfaceShape
+from .functions import flight, limit_surface_step, release_dynamics
+from .surface import SurfaceShape
 from .trajectory import MovedHand, Trajectory, low_pass

@@ -7,9 +7,10 @@ import math
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from hypothesis import strategies as st
-from throwplan.models import Body, Contact, Trajectory
+from throwplan.models import Body, Contact, Trajectory, release_dynamics
 from throwplan.models.release import LinearGrip, Release, ReleaseCase
 from throwplan.models.release.patch import Patch
 
@@ -64,6 +65,33 @@ def reference_values() -> Values:
             for key in ("pose", "twist", "acceleration")
         },
     }
+
+
+def function_inputs(case: ReleaseCase, function: ca.Function) -> dict[str, Any]:
+    """The inputs of a function that describe object, contact and gravity of a release."""
+    known = vars(case.body) | vars(case.contact) | {"gravity": case.gravity}
+    return {name: value for name, value in known.items() if name in function.name_in()}
+
+
+def smoothed(case: ReleaseCase, width: float, steps: int = 400) -> np.ndarray:
+    """The object at detach, by Runge-Kutta steps of `release_dynamics`."""
+    dynamics, dt = release_dynamics(), case.grip.opening / steps
+
+    def at(t, state):
+        hand = case.hand.at(np.array([t]))
+        given = dict(zip(("pose", "twist", "acceleration"), hand, strict=True))
+        force = max(float(case.grip.force(t)), 0.0)
+        given |= function_inputs(case, dynamics)
+        return dynamics(state=state, normal_force=force, width=width, **given)
+
+    state = ca.DM([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
+    for i in range(steps):
+        first = at(i * dt, state)["rates"]
+        second = at((i + 0.5) * dt, state + dt / 2 * first)["rates"]
+        third = at((i + 0.5) * dt, state + dt / 2 * second)["rates"]
+        fourth = at((i + 1) * dt, state + dt * third)["rates"]
+        state += dt / 6 * (first + 2 * second + 2 * third + fourth)
+    return np.array(at(steps * dt, state)["object"]).ravel()
 
 
 def log_floats(low: float, high: float) -> st.SearchStrategy[float]:
