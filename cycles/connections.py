@@ -12,7 +12,7 @@ import numpy as np
 
 from ..models import Array
 from ..planner.clearance import SpatialScene
-from ..planner.result import Plan, joint_samples, part_thrown, sent_throw
+from ..planner.result import Plan, joint_samples, part_thrown
 from ..planner.throw import TICK, Limits, Samples, State, Throw, Transfer, joint_limits, transfer
 from ..planner.verdict import Code, Finding, first_finding, flight_findings, flight_gaps
 from .inverse_kinematics import joint_rates
@@ -62,7 +62,7 @@ class CycleThrow:
     @cached_property
     def throw(self) -> Throw:
         """The throw."""
-        return sent_throw(self.plan)
+        return self.plan.sent_throw()
 
     @cached_property
     def space(self) -> SpatialScene:

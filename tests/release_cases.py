@@ -21,8 +21,8 @@ VALUES: dict[str, Any] = {
     ).items()
     if isinstance(case, dict) and "detach" in case
 }
-#: Names of the arrays by section, as `simulate_batch` takes them.
-Values = dict[str, dict[str, np.ndarray]]
+#: Arguments of `simulate_batch`.
+Values = dict[str, Any]
 BAR = Body(mass=0.24, inertia=5.35e-4, com_offset=0.1)
 STILL = {"theta0": 0.0, "v0": [0.0, 0.0], "omega0": 0.0, "a": [0.0, 0.0], "alpha": 0.0}
 
@@ -57,9 +57,10 @@ def reference_values() -> Values:
 
     grip = column("grip", "full", "opening")
     return {
-        "object": column("body", "mass", "inertia", "com_offset"),
-        "contact": column("contact", "friction", "patch_radius", "torsion", "faces"),
-        "gripper": {"force": grip["full"], "opening": grip["opening"]},
+        **column("body", "mass", "inertia", "com_offset"),
+        **column("contact", "friction", "patch_radius", "torsion", "faces"),
+        "force": grip["full"],
+        "opening": grip["opening"],
         "hand": {
             key: np.array([getattr(hand, key)[:, 0] for hand in hands])
             for key in ("pose", "twist", "acceleration")
@@ -137,13 +138,13 @@ def extremes(count: int, seed: int) -> Values:
     mass, a, direction = wide(1e-3, 50), wide(1, 500), rng.uniform(-np.pi, np.pi, count)
     turn = rng.uniform(-500, 500, count)
     return {
-        "object": {
-            "mass": mass,
-            "inertia": mass * wide(5e-3, 0.3) ** 2,
-            "com_offset": np.where(rng.random(count) < 0.2, 0.0, wide(1e-3, 1)),
-        },
-        "contact": {"friction": wide(0.02, 3), "patch_radius": wide(5e-5, 0.05)},
-        "gripper": {"force": wide(0.1, 2000), "opening": wide(5e-4, 2)},
+        "mass": mass,
+        "inertia": mass * wide(5e-3, 0.3) ** 2,
+        "com_offset": np.where(rng.random(count) < 0.2, 0.0, wide(1e-3, 1)),
+        "friction": wide(0.02, 3),
+        "patch_radius": wide(5e-5, 0.05),
+        "force": wide(0.1, 2000),
+        "opening": wide(5e-4, 2),
         "hand": {
             "pose": np.column_stack([np.zeros((count, 2)), rng.uniform(-3, 3, count)]),
             "twist": rng.uniform(-1, 1, (count, 3)) * [3, 3, 10],
@@ -153,10 +154,10 @@ def extremes(count: int, seed: int) -> Values:
 
 
 def single(values: Values, i: int) -> ReleaseCase:
-    body, contact, grip = (values[k] for k in ("object", "contact", "gripper"))
+    number = {name: float(value[i]) for name, value in values.items() if name != "hand"}
     return ReleaseCase(
-        Body(*(float(body[k][i]) for k in ("mass", "inertia", "com_offset"))),
-        Contact(float(contact["friction"][i]), float(contact["patch_radius"][i]), 0.6, 2),
-        LinearGrip(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
+        Body(*(number[k] for k in ("mass", "inertia", "com_offset"))),
+        Contact(number["friction"], number["patch_radius"], 0.6, 2),
+        LinearGrip(number["force"], 0.0, number["opening"]),
         Trajectory.accelerating(*(values["hand"][k][i] for k in ("pose", "twist", "acceleration"))),
     )

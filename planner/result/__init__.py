@@ -20,6 +20,6 @@ from .motion_files import (
     write_motion,
     write_table,
 )
-from .plan import Plan, draw_flight, plan_of, sent_motion, sent_throw, throw_of
+from .plan import Plan, draw_flight, plan_of, sent_motion, throw_of
 from .planned_throw import PlannedThrow
 from .recommended import allowed, assumed_words, exceeded_entries, exceeded_words
