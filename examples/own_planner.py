@@ -30,11 +30,15 @@ r"""
 ## The release as a differential equation
 
 $q, v, a$: pose, twist and acceleration of the hand, (1)-(3). $s$: slip of the pivot, angle of the
-bar against the hand, and the rates of these. `release_dynamics` returns $\dot s$: from the wrench
-that the pivot needs, (31)-(33), and its excess over what friction gives, as in (37) and (38), with
-max and |·| rounded so that IPOPT can differentiate them. The grip falls evenly, so
-$x = (q, v, s, f_N)$ has the derivative $(v, a, \dot s, \dot f_N)$. An interval has 16 Runge-Kutta
-steps: their error is then below that of the rounding.
+bar against the hand, and their rates. `release_dynamics` returns $\dot s$ by (31)-(33) and (38),
+with max and |·| rounded:
+
+$$J = m h^2 + I, \quad \tau^p = J \alpha^h - m (a_x^h z^r - a_z^h x^r) + m g x^r$$
+$$f^p = m (a_x^h - \alpha^h z^r - \omega^2 x^r, a_z^h + \alpha^h x^r - \omega^2 z^r + g)$$
+$$\alpha^r = -\mathrm{sgn}(\tau^p) \max(|\tau^p| - \tau_{max}, 0) / J - \alpha^s$$
+
+The grip falls evenly: $x = (q, v, s, f_N)$ has the derivative $(v, a, \dot s, \dot f_N)$. With 16
+Runge-Kutta steps an interval has a smaller error than the rounding.
 """
 
 # %%
@@ -51,8 +55,8 @@ r"""
 ## Unknowns, and the hand
 
 The hand carries the bar for the time $T$, in $N$ intervals; then the pads open, in $K$ intervals.
-Unknown are $T$, the acceleration in each interval, and the states between intervals (multiple
-shooting). In an interval the acceleration is constant: the hand's motion has a closed form.
+Unknown are $T$, a constant acceleration in each interval, and the states between intervals:
+multiple shooting. In an interval the hand's motion has a closed form.
 """
 
 # %%
@@ -77,9 +81,8 @@ opti.subject_to(opti.bounded(LOW, Q[:, -1] + brake, HIGH))
 r"""
 ## Carry: the bar sticks
 
-It does where the pivot's torque and force, (31)-(33), are within $\tau_{max}$ and $f_{max}$ of the
-full grip. `excess` is torque and force beyond these. The acceleration jumps between intervals, so
-both ends of each count.
+It does where $\tau^p$ and $|f^p|$ are within $\tau_{max}$ and $f_{max}$ of the full grip: `excess`
+is what they have beyond. As $a$ jumps between intervals, both ends of each count.
 """
 
 # %%
@@ -130,8 +133,7 @@ found = opti.solve()
 T, Q, V, a, S, detach, landing, flown = map(
     found.value, (T, Q, V, a, S, detach, fall["landing"], fall["time"])
 )
-figures = {"opening_time": T, "landing": landing.tolist()}
-print(json.dumps(figures | {"iterations": found.stats()["iter_count"]}))
+print(json.dumps({"opening_time": T, "landing": landing.tolist()}))
 
 figure, (plane, rate) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
 u, fall = np.linspace(0, flown, 9), np.array([[0], [-9.81 / 2], [0]])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import runpy
 from pathlib import Path
 from typing import Any
@@ -124,8 +125,11 @@ def test_few_throws_teach_what_a_wrong_belief_lacks(run: Any) -> None:
 
 def test_a_planner_of_one_s_own_lands_where_the_exact_model_does(monkeypatch) -> None:
     """Within the smoothing error: twice the width moves the landing by three times that error."""
+    path = EXAMPLES / "own_planner.py"
+    names = re.findall(r"^(?:import|from) (\S+)", path.read_text(encoding="utf-8"), flags=re.M)
+    assert set(names) == {"json", "casadi", "matplotlib.pyplot", "numpy", "throwplan.models"}
     monkeypatch.setattr(plt, "show", lambda: None)
-    own = runpy.run_path(str(EXAMPLES / "own_planner.py"))
+    own = runpy.run_path(str(path))
     plt.close("all")
     opens, grip, opening, target = own["N"], own["GRIP"], own["OPENING"], own["TARGET"]
     pose, twist = own["Q"][:, opens], own["V"][:, opens]
