@@ -278,14 +278,15 @@ def _truths(case: ReleaseCase) -> dict[str, Array]:
 
 
 def _ways(
-    throws: Mapping[str, Mapping[str, Array]], cases: Sequence[ReleaseCase], effort: Effort
+    throws: Mapping[str, Any], cases: Sequence[ReleaseCase], effort: Effort
 ) -> Iterator[tuple[str, str, int, Callable[[], Array]]]:
     """Name, law, number of throws, and the function that computes their detach states (N, 6)."""
-    drop, count, few = load_scene("drop"), len(throws["object"]["mass"]), len(cases)
-    first = {key: {k: v[:few] for k, v in some.items()} for key, some in throws.items()}
+    drop, count, few = load_scene("drop"), len(throws["mass"]), len(cases)
+    first = {key: value[:few] for key, value in throws.items() if key != "hand"}
+    first["hand"] = {key: rows[:few] for key, rows in throws["hand"].items()}
 
-    def batch(model: str, some: Mapping[str, Mapping[str, Array]], steps: int) -> Array:
-        return simulate_batch(drop, model, steps=steps, **some).detach  # type: ignore[arg-type]
+    def batch(model: str, some: Mapping[str, Any], steps: int) -> Array:
+        return simulate_batch(drop, model, steps=steps, **some).detach
 
     intervals = {"sp": (12, 27, 48, 96, 192), STEPPED_SURFACE: (40, 80, 120, 240)}
     for model, numbers in intervals.items():

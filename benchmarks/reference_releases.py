@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from throwplan.models import (
@@ -92,7 +93,7 @@ def four_throws() -> list[SampleThrow]:
     ]
 
 
-def random_throws(count: int, seed: int) -> dict[str, dict[str, Array]]:
+def random_throws(count: int, seed: int) -> dict[str, Any]:
     """Random throws that the full grip holds, as the arguments of `simulate_batch`.
 
     h 2-20 cm, m 0.1-0.4 kg, hand 1-3 m/s, turning at 0-6 rad/s, accelerations to 8 m/s^2 along
@@ -117,16 +118,13 @@ def random_throws(count: int, seed: int) -> dict[str, dict[str, Array]]:
     use = np.asarray(contact.utilisation_squared(*load, force))
     sticking = np.flatnonzero(use < GRIP_USE**2)[:count]
     return {
-        "object": {
-            "mass": mass[sticking],
-            "inertia": np.asarray(body.inertia)[sticking],
-            "com_offset": np.asarray(body.com_offset)[sticking],
-        },
-        "contact": {
-            "friction": np.asarray(contact.friction)[sticking],
-            "patch_radius": np.asarray(contact.patch_radius)[sticking],
-        },
-        "gripper": {"force": force[sticking], "opening": opening[sticking]},
+        "mass": mass[sticking],
+        "inertia": np.asarray(body.inertia)[sticking],
+        "com_offset": np.asarray(body.com_offset)[sticking],
+        "friction": np.asarray(contact.friction)[sticking],
+        "patch_radius": np.asarray(contact.patch_radius)[sticking],
+        "force": force[sticking],
+        "opening": opening[sticking],
         "hand": {
             "pose": pose.T[sticking],
             "twist": twist.T[sticking],
@@ -135,21 +133,14 @@ def random_throws(count: int, seed: int) -> dict[str, dict[str, Array]]:
     }
 
 
-def case_of(
-    throws: Mapping[str, Mapping[str, Array]], i: int, contact: PinchContact
-) -> ReleaseCase:
+def case_of(throws: Mapping[str, Any], i: int, contact: PinchContact) -> ReleaseCase:
     """Throw number i of `random_throws` by itself; contact: with torsion and faces."""
-    thing, pads, grip = throws["object"], throws["contact"], throws["gripper"]
+    number = {name: float(value[i]) for name, value in throws.items() if name != "hand"}
     hand = [throws["hand"][name][i] for name in ("pose", "twist", "acceleration")]
     return ReleaseCase(
-        Body(*(float(thing[name][i]) for name in ("mass", "inertia", "com_offset"))),
-        PinchContact(
-            float(pads["friction"][i]),
-            float(pads["patch_radius"][i]),
-            contact.torsion,
-            contact.faces,
-        ),
-        LinearGrip(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
+        Body(*(number[name] for name in ("mass", "inertia", "com_offset"))),
+        replace(contact, friction=number["friction"], patch_radius=number["patch_radius"]),
+        LinearGrip(number["force"], 0.0, number["opening"]),
         Trajectory.accelerating(*hand),
         GRAVITY,
     )

@@ -28,7 +28,6 @@ from ..planner import (
     joint_limits,
     joint_samples,
     part_thrown,
-    sent_throw,
     transfer,
 )
 from .inverse_kinematics import joint_rates
@@ -78,7 +77,7 @@ class CycleThrow:
     @cached_property
     def throw(self) -> Throw:
         """The throw."""
-        return sent_throw(self.plan)
+        return self.plan.sent_throw()
 
     @cached_property
     def space(self) -> SpatialScene:

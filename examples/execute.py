@@ -18,7 +18,15 @@ import nbformat
 
 FOLDER = Path(__file__).parent
 #: In the order in which they are to be read.
-NOTEBOOKS = ("target_cup", "fifty_milliseconds", "timing", "bin", "your_own", "learning")
+NOTEBOOKS = (
+    "target_cup",
+    "fifty_milliseconds",
+    "timing",
+    "bin",
+    "your_own",
+    "learning",
+    "own_planner",
+)
 #: Longest time of one cell [s].
 LONGEST = 300
 

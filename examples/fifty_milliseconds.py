@@ -207,17 +207,17 @@ def apart(landing, reference):
 
 MODELS = ("sp", "sp-paper", "ls-step", "lugre")
 ranges = {
-    "friction μ": ("contact", "friction", np.linspace(0.1, 1.2, 34)),
-    "opening [ms]": ("gripper", "opening", np.geomspace(0.005, 0.2, 34)),
+    "friction μ": ("friction", np.linspace(0.1, 1.2, 34)),
+    "opening [ms]": ("opening", np.geomspace(0.005, 0.2, 34)),
 }
 figure, axes = plt.subplots(1, 2, figsize=(10, 4), sharey=True)
 low_friction = {}
-for axis, (words, (section, key, values)) in zip(axes, ranges.items(), strict=True):
-    changed = {section: {key: values}}
+for axis, (words, (key, values)) in zip(axes, ranges.items(), strict=True):
+    changed = {key: values}
     truth = tp.simulate_batch(swing, "patch", **changed).landing
     for model in MODELS:
         gap = apart(tp.simulate_batch(swing, model, **changed).landing, truth)
-        if section == "contact":
+        if key == "friction":
             low_friction[model] = gap[0]
         shown = 1e3 * values if key == "opening" else values
         axis.plot(shown, gap, color=COLOURS[model], label=model)
@@ -253,16 +253,15 @@ batch = {
         "twist": generator.uniform([0.5, 0.0, -6], [2.5, 1.5, 6], (COUNT, 3)),
         "acceleration": generator.uniform([-30, -10, -60], [10, 10, 30], (COUNT, 3)),
     },
-    "contact": {
-        "friction": generator.uniform(0.3, 1.0, COUNT),
-        "patch_radius": generator.uniform(2.5e-3, 10e-3, COUNT),
-    },
+    "friction": generator.uniform(0.3, 1.0, COUNT),
+    "patch_radius": generator.uniform(2.5e-3, 10e-3, COUNT),
 }
 
 
 def alone(i):
     """Throw `i` of the batch as a scene of its own."""
-    hand, contact = ({key: value[i] for key, value in part.items()} for part in batch.values())
+    hand = {key: value[i] for key, value in batch["hand"].items()}
+    contact = {key: batch[key][i] for key in ("friction", "patch_radius")}
     (v_x, v_z, rate), (a_x, a_z, alpha) = hand["twist"], hand["acceleration"]
     motion = replace(drop.motion, velocity=(v_x, v_z), rate=rate, acceleration=(a_x, a_z))
     motion = replace(motion, angular_acceleration=alpha)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..models import Array, TableGrip
-from ..planner import TICK, Plan, sent_throw
+from ..planner import TICK, Plan
 from ..problems import InputError, Scene, checked
 from .throws import MeasuredThrow, Shared, ThrowData
 
@@ -130,7 +130,7 @@ def throw_data(
 def _recorded(name: str, plan: Plan, landing: tuple[float, float] | None) -> MeasuredThrow:
     """A plan's throw as a recording on the plan's clock, from 50 ms before the command to 60 ms
     after the opening; the command leads by the mean delay."""
-    sent = sent_throw(plan)
+    sent = plan.sent_throw()
     first = max(sent.command_time - 0.05, 0.0)
     last = min(sent.detach_time + 0.06, sent.path.end)
     times = np.linspace(first, last, round((last - first) / TICK) + 1)

@@ -1,10 +1,11 @@
 """Models of a rigid bar in the hand and in flight, and of motions: for floats, arrays and CasADi.
 
-`__all__` is for users and for the rooms around the heart; the heart itself also takes the laws of
-`body.py` from here. This package imports no scenes, files or solvers.
+`release_dynamics`, `limit_surface_step` and `flight` give them as CasADi functions. `release` has
+the release models and their registry, `robot` the arms. `__all__` is for users and for the rooms
+around the heart; the heart itself also takes the laws of `body.py` from here. This package imports
+no scenes, files or solvers.
 """
 
-from .backend import Value
 from .body import (
     Array,
     Body,
@@ -18,9 +19,6 @@ from .body import (
     PinchContact,
     PinchUse,
     ReadOnly,
-    com_twist,
-    com_wrench,
-    contact_twist,
     held_wrench,
     lowest_point,
     pinch_use,
@@ -28,6 +26,7 @@ from .body import (
     read_only,
     sticking_state,
 )
+from .functions import flight, limit_surface_step, release_dynamics
 from .release import (
     BATCH_MODELS,
     MODELS,
@@ -40,7 +39,7 @@ from .release import (
     TableGrip,
     chunks,
 )
-from .surface import SHAPES, SurfaceShape
+from .surface import SurfaceShape
 from .trajectory import MovedHand, Trajectory, low_pass
 
 __all__ = [
@@ -62,10 +61,11 @@ __all__ = [
     "Release",
     "ReleaseBatch",
     "ReleaseCase",
-    "ReleaseModel",
     "TableGrip",
     "Trajectory",
-    "Value",
     "chunks",
+    "flight",
+    "limit_surface_step",
     "low_pass",
+    "release_dynamics",
 ]

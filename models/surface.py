@@ -13,13 +13,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from .body import Array, PinchContact
 
-#: Shapes by their names in files, and how many coefficients each has.
-SHAPES = {"ellipsoid": 6, "quartic": 15, "two-points": 0}
 #: Exponents of w in the terms of a quartic, in the order of its coefficients.
 EXPONENTS = tuple((i, j, 4 - i - j) for i in range(4, -1, -1) for j in range(4 - i, -1, -1))
 #: Places (row, column) of an ellipsoid's coefficients in A.
@@ -33,6 +32,9 @@ class SurfaceShape:
     """A shape: the symmetric tensor C of its quartic H(w) = sum C_ijkl w_i w_j w_k w_l, as a matrix
     (9, 9) of the pairs ij and kl; None for two points."""
 
+    #: Shapes by their names in files, and how many coefficients each has.
+    SHAPES: ClassVar[dict[str, int]] = {"ellipsoid": 6, "quartic": 15, "two-points": 0}
+
     quartic: Array | None = None
 
     @classmethod
@@ -43,8 +45,8 @@ class SurfaceShape:
         of `EXPONENTS`. ValueError for another number of them, and for a surface that is not convex
         or not bounded.
         """
-        if len(coefficients) != SHAPES[name]:
-            raise ValueError(f"{name} takes {SHAPES[name]} numbers, not {len(coefficients)}")
+        if len(coefficients) != (count := cls.SHAPES[name]):
+            raise ValueError(f"{name} takes {count} numbers, not {len(coefficients)}")
         if name == "two-points":
             return cls()
         if name == "ellipsoid":

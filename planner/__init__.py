@@ -52,7 +52,6 @@ from .result import (
     read_plan,
     saved_entries,
     sent_motion,
-    sent_throw,
     throw_of,
     timeline,
     write_motion,

@@ -10,7 +10,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from ..models import SHAPES, Array, PinchContact, SurfaceShape
+from ..models import Array, PinchContact, SurfaceShape
 from ..models.release import GripProfile, LinearGrip, TableGrip
 from ..models.robot import segment_distance
 from .arms import GripperData, load_gripper
@@ -239,7 +239,7 @@ class Contact(Section):
         "of the limit surface, fixed to the hand, for `simulate` alone; left out: the ellipsoid of "
         "friction, patch_radius and torsion; `ellipsoid` and `quartic` need `coefficients`; "
         "`two-points`: on the hand's axis, torsion·patch_radius before and behind the middle",
-        choices=tuple(SHAPES),
+        choices=tuple(SurfaceShape.SHAPES),
     )
     coefficients: tuple[float, ...] = quantity(
         "of the shape; x, y, t are force along and across the hand and torque as shares of their "
@@ -262,7 +262,8 @@ class Contact(Section):
         """
         if self.shape is None:
             if self.coefficients:
-                raise InputError(f"coefficients: only with shape, one of {', '.join(SHAPES)}")
+                names = ", ".join(SurfaceShape.SHAPES)
+                raise InputError(f"coefficients: only with shape, one of {names}")
             return None
         with within("coefficients", errors=ValueError):
             return SurfaceShape.of(self.shape, self.coefficients)

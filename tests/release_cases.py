@@ -7,9 +7,10 @@ import math
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from hypothesis import strategies as st
-from throwplan.models import Body, PinchContact, Trajectory
+from throwplan.models import Body, PinchContact, Trajectory, release_dynamics
 from throwplan.models.release import LinearGrip, Release, ReleaseCase
 from throwplan.models.release.patch import Patch
 
@@ -20,8 +21,8 @@ VALUES: dict[str, Any] = {
     ).items()
     if isinstance(case, dict) and "detach" in case
 }
-#: Names of the arrays by section, as `simulate_batch` takes them.
-Values = dict[str, dict[str, np.ndarray]]
+#: Arguments of `simulate_batch`.
+Values = dict[str, Any]
 BAR = Body(mass=0.24, inertia=5.35e-4, com_offset=0.1)
 STILL = {"theta0": 0.0, "v0": [0.0, 0.0], "omega0": 0.0, "a": [0.0, 0.0], "alpha": 0.0}
 
@@ -56,14 +57,42 @@ def reference_values() -> Values:
 
     grip = column("grip", "full", "opening")
     return {
-        "object": column("body", "mass", "inertia", "com_offset"),
-        "contact": column("contact", "friction", "patch_radius", "torsion", "faces"),
-        "gripper": {"force": grip["full"], "opening": grip["opening"]},
+        **column("body", "mass", "inertia", "com_offset"),
+        **column("contact", "friction", "patch_radius", "torsion", "faces"),
+        "force": grip["full"],
+        "opening": grip["opening"],
         "hand": {
             key: np.array([getattr(hand, key)[:, 0] for hand in hands])
             for key in ("pose", "twist", "acceleration")
         },
     }
+
+
+def function_inputs(case: ReleaseCase, function: ca.Function) -> dict[str, Any]:
+    """The inputs of a function that describe object, contact and gravity of a release."""
+    known = vars(case.body) | vars(case.contact) | {"gravity": case.gravity}
+    return {name: value for name, value in known.items() if name in function.name_in()}
+
+
+def smoothed(case: ReleaseCase, width: float, steps: int = 400) -> np.ndarray:
+    """The object at detach, by Runge-Kutta steps of `release_dynamics`."""
+    dynamics, dt = release_dynamics(), case.grip.opening / steps
+
+    def at(t, state):
+        hand = case.hand.at(np.array([t]))
+        given = dict(zip(("pose", "twist", "acceleration"), hand, strict=True))
+        force = max(float(case.grip.force(t)), 0.0)
+        given |= function_inputs(case, dynamics)
+        return dynamics(state=state, normal_force=force, width=width, **given)
+
+    state = ca.DM([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
+    for i in range(steps):
+        first = at(i * dt, state)["rates"]
+        second = at((i + 0.5) * dt, state + dt / 2 * first)["rates"]
+        third = at((i + 0.5) * dt, state + dt / 2 * second)["rates"]
+        fourth = at((i + 1) * dt, state + dt * third)["rates"]
+        state += dt / 6 * (first + 2 * second + 2 * third + fourth)
+    return np.array(at(steps * dt, state)["object"]).ravel()
 
 
 def log_floats(low: float, high: float) -> st.SearchStrategy[float]:
@@ -109,13 +138,13 @@ def extremes(count: int, seed: int) -> Values:
     mass, a, direction = wide(1e-3, 50), wide(1, 500), rng.uniform(-np.pi, np.pi, count)
     turn = rng.uniform(-500, 500, count)
     return {
-        "object": {
-            "mass": mass,
-            "inertia": mass * wide(5e-3, 0.3) ** 2,
-            "com_offset": np.where(rng.random(count) < 0.2, 0.0, wide(1e-3, 1)),
-        },
-        "contact": {"friction": wide(0.02, 3), "patch_radius": wide(5e-5, 0.05)},
-        "gripper": {"force": wide(0.1, 2000), "opening": wide(5e-4, 2)},
+        "mass": mass,
+        "inertia": mass * wide(5e-3, 0.3) ** 2,
+        "com_offset": np.where(rng.random(count) < 0.2, 0.0, wide(1e-3, 1)),
+        "friction": wide(0.02, 3),
+        "patch_radius": wide(5e-5, 0.05),
+        "force": wide(0.1, 2000),
+        "opening": wide(5e-4, 2),
         "hand": {
             "pose": np.column_stack([np.zeros((count, 2)), rng.uniform(-3, 3, count)]),
             "twist": rng.uniform(-1, 1, (count, 3)) * [3, 3, 10],
@@ -125,10 +154,10 @@ def extremes(count: int, seed: int) -> Values:
 
 
 def single(values: Values, i: int) -> ReleaseCase:
-    body, contact, grip = (values[k] for k in ("object", "contact", "gripper"))
+    number = {name: float(value[i]) for name, value in values.items() if name != "hand"}
     return ReleaseCase(
-        Body(*(float(body[k][i]) for k in ("mass", "inertia", "com_offset"))),
-        PinchContact(float(contact["friction"][i]), float(contact["patch_radius"][i]), 0.6, 2),
-        LinearGrip(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
+        Body(*(number[k] for k in ("mass", "inertia", "com_offset"))),
+        PinchContact(number["friction"], number["patch_radius"], 0.6, 2),
+        LinearGrip(number["force"], 0.0, number["opening"]),
         Trajectory.accelerating(*(values["hand"][k][i] for k in ("pose", "twist", "acceleration"))),
     )

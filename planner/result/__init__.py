@@ -22,6 +22,6 @@ from .motion_files import (
     write_table,
 )
 from .over_time import PHASES, Timeline, arm_points, timeline
-from .plan import Plan, Sendable, Source, plan_of, sent_motion, sent_throw, throw_of
+from .plan import Plan, Sendable, Source, plan_of, sent_motion, throw_of
 from .planned_throw import PlannedThrow
 from .recommended import allowed, assumed_words, exceeded_entries, exceeded_words

@@ -254,14 +254,21 @@ class Plan:
 
     def sent_motion(self) -> SentMotion:
         """The motion that is sent; InputError for a plan without a throw."""
-        return SentMotion.of(sent_throw(self))
+        return SentMotion.of(self.sent_throw())
+
+    def sent_throw(self) -> Throw:
+        """The throw that is sent; InputError for a plan without one."""
+        if self.throw is None or not self.solved:
+            raise InputError(f"the plan is {self.status}: it holds no throw")
+        throw, scene = self.throw.deciding, self.scene.aimed_at(self.goal)
+        return throw if throw.scene == scene else throw.in_scene(scene)
 
     def path(self) -> PlanPath:
         """The throw over time: times, poses of the object and the hand, joints.
 
         InputError for a plan without a throw.
         """
-        return path_of(sent_throw(self))
+        return path_of(self.sent_throw())
 
     def summary(self) -> str:
         """The plan as lines for people: status and message, times, limits, solver."""
@@ -393,19 +400,11 @@ class Plan:
         return json.dumps(self.to_dict(), indent=2, allow_nan=False)
 
 
-def sent_throw(plan: Plan) -> Throw:
-    """The throw of a solved plan; InputError for a plan without one."""
-    if plan.throw is None or not plan.solved:
-        raise InputError(f"the plan is {plan.status}: it holds no throw")
-    throw, scene = plan.throw.deciding, plan.scene.aimed_at(plan.goal)
-    return throw if throw.scene == scene else throw.in_scene(scene)
-
-
 def throw_of(plan: Plan | Throw | str | Path) -> Throw:
     """The throw of a solved plan, of a plan.json or of its folder; InputError without one."""
     if isinstance(plan, str | Path):
         return read_plan(plan)
-    return plan if isinstance(plan, Throw) else sent_throw(plan)
+    return plan if isinstance(plan, Throw) else plan.sent_throw()
 
 
 class Sendable(Protocol):

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -41,7 +41,8 @@ from ...models.robot import Arm, PlanarArm, hand_motion
 from ...problems import InputError, Motion, Scene, checked
 from ...problems.files import plain
 from ...problems.scene_files import as_scene, load_scene
-from .throw import LandingPoint, case_of
+from .batch import ThrowBatch
+from .throw import LandingPoint, Throw, case_of
 
 #: Largest angle [rad] between the arm's posture and a recorded joint that does not throw.
 POSTURE_ROOM = 0.05
@@ -51,7 +52,7 @@ MOST_STEPS = 100_000
 GIVEN_SAMPLES = 1001
 
 _HAND = ("pose", "twist", "acceleration")
-_SAMPLED = ("times", "poses", "delays")
+_SAMPLED = ("times", "poses")
 
 
 def given_hand(scene: Scene) -> HandTrack:
@@ -214,34 +215,46 @@ class BatchResult(ReadOnly):
     trouble: npt.NDArray[np.object_]
 
 
+@runtime_checkable
+class SendsThrow(Protocol):
+    """A plan."""
+
+    def sent_throw(self) -> Throw:
+        """The throw that is sent; InputError without one."""
+
+
 def simulate_batch(
-    scene: Scene | str | pathlib.Path,
+    source: Scene | str | pathlib.Path | Throw | SendsThrow,
     model: str = SLIDING_PIVOT,
     *,
-    hand: Mapping[str, Any] | None = None,
-    contact: Mapping[str, Any] | None = None,
-    object: Mapping[str, Any] | None = None,
-    gripper: Mapping[str, Any] | None = None,
+    hand: Mapping[str, npt.ArrayLike] | None = None,
+    delays: npt.ArrayLike = 0.0,
     steps: int | None = None,
     executor: Executor | None = None,
+    **values: npt.ArrayLike,
 ) -> BatchResult:
-    """N different throws through a release model, of a scene, built-in name or TOML file.
+    """N different throws through a release model.
 
-    hand: `pose`, `twist`, `acceleration`, each (N, 3) (constant acceleration from the
-    opening's start; the scene's [motion] where absent), or `times` (K,), `poses`
-    (N, K, 3) or (1, K, 3) and `delays` (N,) [s] (sampled motion, cubic splines).
-    object: mass, inertia, com_offset; contact: friction, patch_radius, torsion, faces;
-    gripper: force [N], opening [s]: numbers or arrays (N,), the scene's where absent.
+    source: a scene, built-in name or TOML file; or a plan, or the throw of one, whose hand moves as
+    it is sent. hand, for a scene: `pose`, `twist`, `acceleration`, each (N, 3) (constant
+    acceleration from the opening's start), or `times` (K,) and `poses` (N, K, 3) or (1, K, 3)
+    (cubic splines); the scene's [motion] where left out. delays [s]: by which the opening starts
+    later on the hand's motion.
+    values: mass [kg], inertia [kg m^2], com_offset [m], friction, patch_radius [m], torsion, faces,
+    force [N] of one pad, opening [s]; the scene's where left out. Values and delays are numbers or
+    arrays (N,).
     steps: of the opening, instead of the model's usual ones; `ls-step` takes twice as many
     too and extrapolates, `sp` doubles them for throws that swing fast.
     executor: spreads chunks over its workers; the result does not depend on it.
-    Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
+    Raises InputError for unknown names, unequal lengths, NaN, times that do not rise, a motion that
+    does not cover the opening, and a plan without a throw.
     """
-    scene = as_scene(scene)
+    source = source.sent_throw() if isinstance(source, SendsThrow) else source
+    throw = source if isinstance(source, Throw) else None
+    scene = source.scene if isinstance(source, Throw) else as_scene(source)
     chosen = named_model(model, BATCH_MODELS).with_pressure(scene.contact.pressure)
     checked("steps", steps, int | None, {"least": 1, "most": MOST_STEPS})
-    given = {"object": object or {}, "contact": contact or {}, "gripper": gripper or {}}
-    batch = _batch(scene, hand or {}, **given)
+    batch = _batch(scene, throw, hand or {}, _array("delays", delays), values)
     run = partial(chosen.throw, steps=steps or 0)
     if executor is None:
         release = run(batch)
@@ -249,59 +262,73 @@ def simulate_batch(
         shares = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
         release = BatchRelease.joined(list(executor.map(run, map(batch.part, shares))))
     height = None if scene.target is None else scene.target.z
-    landing = None if height is None else FlightLaw(scene.gravity).land(release.detach, height)
+    flight = FlightLaw(scene.gravity) if throw is None else scene.flight
+    landing = None if height is None else flight.land(release.detach, height)
     return BatchResult(release.detach, landing, release.trouble)
 
 
-def _batch(scene: Scene, hand: Mapping[str, Any], **given: Mapping[str, Any]) -> ReleaseBatch:
-    """N releases; given: numbers or arrays (N,) by section."""
+def _batch(
+    scene: Scene,
+    throw: Throw | None,
+    hand: Mapping[str, Any],
+    delays: Array,
+    given: Mapping[str, npt.ArrayLike],
+) -> ReleaseBatch:
+    """N releases; given: numbers or arrays (N,) by name."""
     profile = scene.gripper.profile()
-    usual = {
-        "object": asdict(scene.body),
-        "contact": asdict(scene.patch),
-        "gripper": {"force": profile.full, "opening": profile.opening},
-    }
-    values = {section: _numbers(section, usual[section], given[section]) for section in usual}
-    lengths = {
-        f"{section}.{name}": value.size
-        for section in usual
-        for name, value in values[section].items()
-        if value.ndim
-    }
-    hands, hand_lengths = _hands(scene, hand)
-    lengths |= hand_lengths
+    own = asdict(scene.body) | asdict(scene.patch)
+    own |= {"force": profile.full, "opening": profile.opening}
+    values = _numbers(own, given)
+    lengths = {name: value.size for name, value in values.items() if value.ndim}
+    if delays.ndim > 1:
+        raise InputError("delays: must be a number or an array (N,)")
+    if delays.ndim:
+        lengths["delays"] = delays.size
+    if throw is None:
+        hands, hand_lengths = _hands(scene, hand)
+        lengths |= hand_lengths
+    elif hand:
+        raise InputError("hand: a plan's hand moves as it is sent: leave it out")
+    else:
+        longest = float(np.max(values.get("opening", profile.opening)))
+        hands = _sent_hand(throw, float(delays.min()), float(delays.max()), longest)
     count = max(lengths.values(), default=1)
     for name, length in lengths.items():
         if length != count:
             raise InputError(f"{name}: has {length} entries, other arrays have {count}")
     full = {
-        section: {
-            name: np.broadcast_to(values[section].get(name, np.asarray(value, float)), count).copy()
-            for name, value in usual[section].items()
-        }
-        for section in usual
+        name: np.broadcast_to(values.get(name, np.asarray(value, float)), count).copy()
+        for name, value in own.items()
     }
-    opening, force = full["gripper"]["opening"], full["gripper"]["force"]
+    opening, force = full.pop("opening"), full.pop("force")
+    hands = hands.shifted(np.broadcast_to(delays, count))
     _check_cover(hands, opening)
-    body = Body(**full["object"])
-    contact = PinchContact(**full["contact"])
+    body = Body(**{name: full.pop(name) for name in asdict(scene.body)})
     gravity, angle = scene.gravity, scene.grasp.angle
-    return ReleaseBatch(count, body, contact, profile, hands, opening, force, gravity, angle)
+    return ReleaseBatch(
+        count, body, PinchContact(**full), profile, hands, opening, force, gravity, angle
+    )
 
 
-def _numbers(
-    section: str, known: Mapping[str, float], values: Mapping[str, Any]
-) -> dict[str, Array]:
-    """Checked numbers or arrays (N,) of one section, all above zero (com_offset: at least)."""
+def _sent_hand(throw: Throw, early: float, late: float, longest: float) -> Trajectory:
+    """The hand of a throw, counted from its opening, for these delays and openings [s]."""
+    if any(throw.error):
+        raise InputError("the throw has errors of the hand: take the plan that it is of")
+    return ThrowBatch.of(throw, throw.target, (), (early, late, longest)).hands
+
+
+def _numbers(known: Mapping[str, float], values: Mapping[str, npt.ArrayLike]) -> dict[str, Array]:
+    """Checked numbers or arrays (N,), all above zero (com_offset: at least)."""
     result = {}
     for name, value in values.items():
         if name not in known:
-            raise InputError(f"{section}: unknown key '{name}' (known: {', '.join(known)})")
-        array = _array(f"{section}.{name}", value)
+            hint = InputError.hint(name, known)
+            raise InputError(f"{name}: unknown name (known: {', '.join(known)}){hint}")
+        array = _array(name, value)
         if array.ndim > 1:
-            raise InputError(f"{section}.{name}: must be a number or an array (N,)")
+            raise InputError(f"{name}: must be a number or an array (N,)")
         if (array < 0).any() or (name != "com_offset" and (array == 0).any()):
-            raise InputError(f"{section}.{name}: must be above 0")
+            raise InputError(f"{name}: must be above 0")
         result[name] = array
     return result
 
@@ -346,13 +373,13 @@ def _check_cover(hands: Trajectory, opening: Array) -> None:
     first, last = float(np.min(hands.delays)), float(np.max(hands.delays + opening))
     if first < begin - 1e-9 or last > end + 1e-9:
         raise InputError(
-            f"hand.times: must cover {first:g} to {last:g} s, cover {begin:g} to {end:g} s"
+            f"hand: its motion must cover {first:g} to {last:g} s, it covers {begin:g} to {end:g} s"
         )
 
 
 def _sampled(hand: Mapping[str, Any]) -> tuple[Trajectory, dict[str, int]]:
     if any(name in hand for name in _HAND):
-        raise InputError("hand: give pose, twist, acceleration or times, poses, delays, not both")
+        raise InputError("hand: give pose, twist, acceleration or times, poses, not both")
     if "times" not in hand or "poses" not in hand:
         raise InputError("hand: a sampled motion needs 'times' and 'poses'")
     times, poses = _array("hand.times", hand["times"]), _array("hand.poses", hand["poses"])
@@ -363,13 +390,7 @@ def _sampled(hand: Mapping[str, Any]) -> tuple[Trajectory, dict[str, int]]:
     if poses.ndim != 3 or poses.shape[1:] != (times.size, 3):
         raise InputError(f"hand.poses: must be (N, {times.size}, 3), has shape {poses.shape}")
     lengths = {"hand.poses": len(poses)} if len(poses) > 1 else {}
-    delays: Array | float = 0.0
-    if "delays" in hand:
-        delays = _array("hand.delays", hand["delays"])
-        if delays.ndim != 1:
-            raise InputError("hand.delays: must be an array (N,)")
-        lengths["hand.delays"] = delays.size
-    return Trajectory.through(times, poses, delays), lengths
+    return Trajectory.through(times, poses), lengths
 
 
 def _array(name: str, value: Any) -> Array:

@@ -24,9 +24,9 @@ for scene in ("near-cup", "ur5e", "flip"):
 """,
     "batches": """
 plans = tp.plan(loud("near-cup"), patience=60.0), tp.plan(loud("box"), patience=60.0)
-masses = {"mass": np.linspace(0.1, 0.4, 257)}
+masses = np.linspace(0.1, 0.4, 257)
 for model in ("sp", "ls-step", "sp-paper"):
-    drops = tp.simulate_batch(tp.load_scene("drop"), model, object=masses)
+    drops = tp.simulate_batch(tp.load_scene("drop"), model, mass=masses)
     assert np.isfinite(drops.detach).all()
     assert tp.simulate("drop", model)[model].to_dict()["status"] == "ok"
     for plan in plans:

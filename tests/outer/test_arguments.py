@@ -56,7 +56,10 @@ MISTAKES: list[tuple[Call, str]] = [
     (lambda pl, p: tp.reach_map("pose", z=math.nan), "z = nan"),
     (lambda pl, p: tp.reach_map("pose", samples=2.5), "samples = 2.5"),
     (lambda pl, p: tp.simulate_batch(pl.scene, steps=0), "steps = 0"),
-    (lambda pl, p: tp.simulate_batch(pl.scene, object={"mass": []}), "object.mass"),
+    (lambda pl, p: tp.simulate_batch(p, mass=[]), "mass"),
+    (lambda pl, p: tp.simulate_batch(p, hand={"pose": np.zeros(3)}), "hand"),
+    (lambda pl, p: tp.simulate_batch(p, delays=[-100.0]), "must cover"),
+    (lambda pl, p: tp.simulate_batch(pl), "Planner"),
     (lambda pl, p: p.throw.deciding.delayed(math.nan), "delay = nan"),
     # Arrays and data.
     (lambda pl, p: robots.Response.fitted([[math.nan]] * 3, [[0.0]] * 3), "sent, q"),

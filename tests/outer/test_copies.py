@@ -98,9 +98,9 @@ def test_a_scene_is_that_of_its_saved_plan(name) -> None:
 
 def test_arrays_that_are_handed_in_stay_as_they_are() -> None:
     poses = np.zeros((1, 5, 3))
-    hand = {"times": np.linspace(0.0, 0.2, 5), "poses": poses, "delays": np.zeros(2)}
-    tp.simulate_batch(tp.load_scene("drop"), hand=hand)
+    hand, delays = {"times": np.linspace(0.0, 0.2, 5), "poses": poses}, np.zeros(2)
+    tp.simulate_batch(tp.load_scene("drop"), hand=hand, delays=delays)
     rate = np.ones(3)
     response = robots.Response(rate, np.zeros(3))
     assert not response.rate.flags.writeable
-    assert all(array.flags.writeable for array in (*hand.values(), rate))
+    assert all(array.flags.writeable for array in (*hand.values(), delays, rate))

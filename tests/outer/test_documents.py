@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.cli import main
@@ -121,12 +122,27 @@ def test_the_drops_of_the_map_of_the_paper_are_the_program_s() -> None:
 
 def test_python_of_the_readme_runs(tmp_path, monkeypatch) -> None:
     """As it stands there, but for the throws that are prepared: those have tests of their own."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"^```python\n(.*?)^```", text, flags=re.M | re.S)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tp.Planner, "prepare", lambda planner: 0)
-    found: dict[str, Any] = {}
-    for code in blocks:
-        exec(compile(code, "README.md", "exec"), found)
-    assert found["plan"].status == "solved"
-    assert len(commands_of(text)) >= 5
+    assert variables_of("README.md")["plan"].status == "solved"
+    assert len(commands_of((ROOT / "README.md").read_text(encoding="utf-8"))) >= 5
+
+
+def test_python_of_the_page_of_models_runs() -> None:
+    found = variables_of("docs/models.md")
+    _, _, _, down_x, down_z, turning = np.array(found["now"]["rates"]).ravel()
+    assert turning < -1.0 and abs(down_x) + abs(down_z) < 1e-3
+    assert np.array(found["now"]["excess"]).ravel() == pytest.approx([0.22, -7.6], abs=0.05)
+    assert found["slope"](1.0) > 0.0 and found["many"]["rates"].shape == (6, 50)
+    assert float(found["bar_state"][5]) == pytest.approx(-1.0346, abs=0.005)
+    exact = found["law"].rates(np.zeros(6), found["at_rest"], 5.0)
+    assert turning == pytest.approx(exact[5], rel=1e-3)
+    assert np.isfinite(found["result"].landing).all()
+
+
+def variables_of(page: str) -> dict[str, Any]:
+    """What the Python of a page leaves, run as it stands there."""
+    text, found = (ROOT / page).read_text(encoding="utf-8"), dict[str, Any]()
+    for code in re.findall(r"^```python\n(.*?)^```", text, flags=re.M | re.S):
+        exec(compile(code, page, "exec"), found)
+    return found

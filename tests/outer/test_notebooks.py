@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import runpy
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 import throwplan as tp
+from release_cases import smoothed
+from throwplan.models import Body, PinchContact, Trajectory, flight
+from throwplan.models.release import LinearGrip, ReleaseCase
 
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
-NAMES = ("target_cup", "fifty_milliseconds", "timing", "bin", "your_own", "learning")
+NAMES = ("target_cup", "fifty_milliseconds", "timing", "bin", "your_own", "learning", "own_planner")
 #: Kinds of pictures and films.
 PICTURES = {"image/png", "image/gif"}
 
@@ -115,3 +121,45 @@ def test_few_throws_teach_what_a_wrong_belief_lacks(run: Any) -> None:
     assert ran["ratio"] >= 4.0
     assert ran["product_after_all"] == pytest.approx(1.0, abs=0.05)
     assert ran["delay_after_three_ms"] == pytest.approx(10.0, abs=1.5)
+
+
+def test_a_planner_of_one_s_own_lands_where_the_exact_model_does(monkeypatch) -> None:
+    """Within the smoothing error: twice the width moves the landing by three times that error."""
+    path = EXAMPLES / "own_planner.py"
+    names = re.findall(r"^(?:import|from) (\S+)", path.read_text(encoding="utf-8"), flags=re.M)
+    assert set(names) == {"json", "casadi", "matplotlib.pyplot", "numpy", "throwplan.models"}
+    monkeypatch.setattr(plt, "show", lambda: None)
+    own = runpy.run_path(str(path))
+    plt.close("all")
+    opens, grip, opening, target = own["N"], own["GRIP"], own["OPENING"], own["TARGET"]
+    pose, twist = own["Q"][:, opens], own["V"][:, opens]
+    times, pulls = opening * np.arange(own["K"]) / own["K"], own["a"][:, opens:].T
+    scene = tp.Scene(
+        name="own",
+        object=tp.Object(mass=0.24, inertia=535e-6, length=0.26, com=0.10),
+        contact=tp.Contact(**own["pads"]),
+        gripper=tp.Gripper(force=grip, opening=opening),
+        motion=tp.Motion(
+            position=tuple(pose[:2]),
+            angle=pose[2],
+            velocity=tuple(twist[:2]),
+            rate=twist[2],
+            times=tuple(times),
+            accelerations=tuple(map(tuple, pulls)),
+        ),
+        target=tp.Target(x=target[0], z=target[1]),
+    )
+    hand = Trajectory.stepping(pose, twist, times, pulls)
+    held = Body(**own["bar"]), PinchContact(**own["pads"]), LinearGrip(grip, 0.0, opening), hand
+    wide, narrow = (
+        np.array(flight()(object=smoothed(ReleaseCase(*held), width), height=target[1])["landing"])
+        for width in (0.02, 0.01)
+    )
+
+    def error(one, other) -> float:
+        (dx, _, dtheta) = np.abs(np.ravel(one) - np.ravel(other))
+        return scene.object.pose_error(dx, dtheta)
+
+    exact = tp.simulate(scene, "sp")["sp"].landing.pose
+    assert own["landing"] == pytest.approx(target, abs=1e-6)
+    assert error(own["landing"], exact) < error(wide, narrow) / 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 from contextlib import redirect_stdout
@@ -94,7 +95,7 @@ def test_pressure_of_the_scene_reaches_the_meshed_models(drop) -> None:
 def test_a_batch_throws_the_scene_s_own_motion(motion) -> None:
     scene = varied(tp.load_scene("drop"), motion=motion)
     alone = tp.simulate(scene, "sp")["sp"].to_dict()["detach"]
-    batch = tp.simulate_batch(scene, contact={"friction": [0.8, 0.8]}).detach
+    batch = tp.simulate_batch(scene, friction=[0.8, 0.8]).detach
     values = list(alone.values())
     assert batch[1, :3] == pytest.approx(values[:3], abs=1e-5)
     assert batch[0, 3:] == pytest.approx(values[3:], abs=2e-3)
@@ -103,13 +104,13 @@ def test_a_batch_throws_the_scene_s_own_motion(motion) -> None:
 def test_a_batch_refuses_motions_that_do_not_cover_the_opening() -> None:
     scene, t = tp.load_scene("drop"), np.linspace(0, 0.06, 20)
     poses = np.zeros((1, 20, 3))
-    for hand, words in (
-        ({"times": t, "poses": poses, "delays": [0.0, 0.02]}, "must cover 0 to 0.07"),
-        ({"times": t, "poses": poses, "delays": [-0.01]}, "must cover -0.01"),
-        ({"times": t, "poses": poses, "twist": np.zeros((1, 3))}, "not both"),
+    for more, delays, words in (
+        ({}, [0.0, 0.02], "must cover 0 to 0.07"),
+        ({}, -0.01, "must cover -0.01"),
+        ({"twist": np.zeros((1, 3))}, 0.0, "not both"),
     ):
         with pytest.raises(tp.InputError, match=words):
-            tp.simulate_batch(scene, hand=hand)
+            tp.simulate_batch(scene, hand={"times": t, "poses": poses} | more, delays=delays)
 
 
 @pytest.mark.parametrize("kind", ["seconds from 1970", "semicolons", "tabs"])
@@ -134,6 +135,25 @@ def test_recorded_motions_of_other_clocks_and_spreadsheets(tmp_path, kind) -> No
     expected = detach("plain.toml", 0.0, ",")
     # A double counts seconds from 1970 to 0.2 us only, which the spline's accelerations show.
     assert detach("other.toml", begin, separator) == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_batch_throws_what_a_plan_sends(plan_of, saved) -> None:
+    """With the scene's values and no delay as the plan; each other throw as it is by itself."""
+    plan = plan_of("pose")
+    own, delays = plan.scene.contact.friction, np.array([0.0, 0.01, -0.01, 0.0])
+    friction = own * np.array([1.0, 1.0, 1.0, 0.7])
+    found = tp.simulate_batch(plan, friction=friction, delays=delays)
+    throw = plan.sent_throw()
+    weak = throw.in_scene(varied(throw.scene, contact={"friction": 0.7 * own}))
+    for landing, one in zip(found.landing, [*map(throw.delayed, delays[:3]), weak], strict=True):
+        expected = one.sliding_pivot.landing
+        assert landing[0] == pytest.approx(expected.x, abs=1e-4)
+        assert landing[1] == pytest.approx(expected.theta, abs=1e-3)
+        assert landing[2] == pytest.approx(expected.flight_time, abs=1e-4)
+    read = tp.simulate_batch(tp.read_plan(saved("pose")), friction=friction, delays=delays)
+    np.testing.assert_allclose(read.detach, found.detach, atol=1e-6)
+    with pytest.raises(tp.InputError, match="holds no throw"):
+        tp.simulate_batch(dataclasses.replace(plan, status="not_found"))
 
 
 def test_a_batch_takes_a_scene_by_its_name() -> None:

@@ -42,16 +42,13 @@ def throws(count: int, seed: int = 0) -> Values:
     speed, up = rng.uniform(1, 3, count), rng.uniform(0, 1.2, count)
     spin = rng.uniform(-4, 4, count)
     return {
-        "object": {
-            "mass": mass,
-            "inertia": mass * rng.uniform(0.03, 0.07, count) ** 2,
-            "com_offset": rng.uniform(0.02, 0.2, count),
-        },
-        "contact": {
-            "friction": rng.uniform(0.3, 1.0, count),
-            "patch_radius": rng.uniform(0.0025, 0.01, count),
-        },
-        "gripper": {"force": np.full(count, 100.0), "opening": rng.uniform(0.03, 0.1, count)},
+        "mass": mass,
+        "inertia": mass * rng.uniform(0.03, 0.07, count) ** 2,
+        "com_offset": rng.uniform(0.02, 0.2, count),
+        "friction": rng.uniform(0.3, 1.0, count),
+        "patch_radius": rng.uniform(0.0025, 0.01, count),
+        "force": np.full(count, 100.0),
+        "opening": rng.uniform(0.03, 0.1, count),
         "hand": {
             "pose": np.column_stack([np.zeros((count, 2)), rng.uniform(-1.5, 1.0, count)]),
             "twist": np.column_stack([speed * np.cos(up), speed * np.sin(up), spin]),
@@ -90,12 +87,13 @@ def test_sampled_hands_throw_as_each_by_itself(model, exact, delayed: bool) -> N
     rng, t, count = np.random.default_rng(0), np.linspace(-0.01, 0.15, 60), 6
     poses = np.column_stack([1.5 * t, 0.8 * t - t**2, 0.4 + 3.0 * t])[None]
     hand = {"times": t, "poses": poses + rng.uniform(-5, 5, (count, 1, 3)) * t[:, None] ** 2}
+    delays = np.zeros(count)
     if delayed:
-        hand = {"times": t, "poses": poses, "delays": rng.uniform(-0.009, 0.04, count)}
-    found = landing(tp.simulate_batch(DROP, model, hand=hand).detach)
+        hand, delays = {"times": t, "poses": poses}, rng.uniform(-0.009, 0.04, count)
+    found = landing(tp.simulate_batch(DROP, model, hand=hand, delays=delays).detach)
     for i in range(count):
         own = poses[0] if delayed else hand["poses"][i]
-        path = Trajectory.through(t, own).shifted(hand["delays"][i] if delayed else 0.0)
+        path = Trajectory.through(t, own).shifted(delays[i])
         case = case_of(DROP, path)
         one = landing(exact.release(case).end[None])[0]
         assert found[i, 0] == pytest.approx(one[0], abs=1e-3)
@@ -148,7 +146,7 @@ def test_workers_and_chunks_do_not_change_a_digit() -> None:
 
 def test_numbers_stand_for_the_scene_and_landing_is_given_at_its_height() -> None:
     scene = DROP.replace(target=tp.Pose(x=0.0, z=-1.0))
-    result = tp.simulate_batch(scene, contact={"friction": np.array([0.4, 0.8, 1.6])})
+    result = tp.simulate_batch(scene, friction=np.array([0.4, 0.8, 1.6]))
     assert result.detach.shape == (3, 6)
     plain = tp.simulate(scene, "sp")["sp"].to_dict()
     assert result.detach[1, 5] == pytest.approx(plain["detach"]["omega"], rel=3e-4)
@@ -160,10 +158,10 @@ def test_numbers_stand_for_the_scene_and_landing_is_given_at_its_height() -> Non
 def test_trouble_is_what_the_single_model_says() -> None:
     """A heavy bar in a slippery grip slides out of the pads; a light one is held."""
     values = throws(24, seed=3)
-    values["object"]["mass"][::2] *= 20.0
-    values["object"]["inertia"][::2] *= 20.0
-    values["contact"]["friction"][::4] = 0.02
-    values["gripper"]["opening"][::4] = 0.3
+    values["mass"][::2] *= 20.0
+    values["inertia"][::2] *= 20.0
+    values["friction"][::4] = 0.02
+    values["opening"][::4] = 0.3
     result = tp.simulate_batch(DROP, **values)
     alone = [PlainPivot().release(single(values, i)).trouble for i in range(24)]
     assert list(result.trouble) == alone
@@ -221,12 +219,10 @@ FOUR = np.zeros((1, 4, 3))
     ("arguments", "words"),
     [
         ({"model": "lss"}, "must be one of sp, sp-paper, ls-step, patch, lugre"),
-        ({"contact": {"mu": 1.0}}, "contact: unknown key 'mu'"),
-        ({"contact": {"friction": [0.5, np.nan]}}, "contact.friction: must be finite"),
-        (
-            {"contact": {"friction": [0.5, 0.6]}, "object": {"mass": [0.1, 0.2, 0.3]}},
-            "has 2 entries, other arrays have 3",
-        ),
+        ({"mu": 1.0}, "mu: unknown name (known: mass"),
+        ({"friction": [0.5, np.nan]}, "friction: must be finite"),
+        ({"delays": [[0.0]]}, "delays: must be a number or an array"),
+        ({"friction": [0.5, 0.6], "mass": [0.1, 0.2, 0.3]}, "has 2 entries, other arrays have 3"),
         ({"hand": {"times": [0, 0.1, 0.1, 0.2], "poses": FOUR}}, "hand.times: must rise"),
         ({"hand": {"pose": np.zeros((4, 2))}}, "hand.pose: must be an array (N, 3)"),
         ({"steps": 0}, "steps = 0"),

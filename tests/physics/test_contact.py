@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from release_cases import BAR
-from throwplan.models import HandMotion, PinchContact, com_wrench, contact_twist, pivot_wrench
+from throwplan.models import HandMotion, PinchContact, pivot_wrench
+from throwplan.models.body import com_wrench, contact_twist
 
 relaxed = settings(deadline=None)
 number = st.floats(-10, 10)

@@ -91,9 +91,10 @@ def com_acceleration(law, state, hand, grip):
 def throws_of_cases():
     values = reference_values()
     (*_, theta), (*velocity, omega), (*pull, alpha) = (rows.T for rows in values["hand"].values())
-    body, contact = Body(**values["object"]), PinchContact(**values["contact"])
+    body = Body(*(values[field.name] for field in dataclasses.fields(Body)))
+    contact = PinchContact(*(values[field.name] for field in dataclasses.fields(PinchContact)))
     hand = theta, np.array(velocity), omega, np.array(pull), alpha
-    return Throws(body, contact, *hand, *values["gripper"].values())
+    return Throws(body, contact, *hand, values["force"], values["opening"])
 
 
 THROWS = throws_of_cases()

@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 from release_cases import VALUES, reference_case
-from throwplan.models import Trajectory, contact_twist
+from throwplan.models import Trajectory
+from throwplan.models.body import contact_twist
 from throwplan.models.release import ImplicitRelease, KarnoppRelease, SteppedRelease
 from throwplan.models.release.patch import PatchRelease
 

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from release_cases import VALUES, energy_of, log_floats, reference_case
 from scipy.optimize import brentq
-from throwplan.models import Body, HandSamples, PinchContact, Trajectory, contact_twist
+from throwplan.models import Body, HandSamples, PinchContact, Trajectory
+from throwplan.models.body import contact_twist
 from throwplan.models.release import LinearGrip, Release, ReleaseCase, SteppedRelease
 from throwplan.models.release.limit_surface import LimitSurfaceStepping
 

@@ -1,0 +1,130 @@
+"""The models as CasADi functions: against the exact releases, differences, and themselves."""
+
+import math
+import re
+
+import casadi as ca
+import numpy as np
+import pytest
+from release_cases import VALUES, function_inputs, reference_case, smoothed
+from throwplan import models
+from throwplan.models import FlightLaw, flight, limit_surface_step, release_dynamics
+from throwplan.models.release import SteppedRelease, exact_pivot_release
+
+FUNCTIONS = {each.__name__: each() for each in (release_dynamics, limit_surface_step, flight)}
+BAR = {"mass": 0.24, "inertia": 5.35e-4, "com_offset": 0.1}
+PADS = {"friction": 1.0, "patch_radius": 0.0025, "torsion": 0.6, "faces": 2.0}
+HAND = {"pose": [0.1, 0.9, 0.3], "twist": [1.5, 1.0, 4.0], "acceleration": [3.0, -2.0, 8.0]}
+#: Inputs of each function: an object that slips under a falling grip, one that flies.
+INPUTS = {
+    "release_dynamics": HAND
+    | BAR
+    | PADS
+    | {"state": [1e-4, -2e-4, -0.05, 0.01, -0.02, -1.0], "normal_force": 8.0}
+    | {"gravity": 9.81, "width": 0.01},
+    "limit_surface_step": PADS
+    | {"mass": 0.24, "inertia": 5.35e-4}
+    | {"object": [0.2, 0.93, 0.28, 1.3, 1.35, 3.5], "pose": [0.1, 0.9, 0.3], "normal_force": 8.0}
+    | {"next_pose": [0.103, 0.902, 0.308], "next_twist": [1.506, 0.996, 4.016]}
+    | {"dt": 2e-3, "gravity": 9.81},
+    "flight": {"object": [0.2, 0.95, 0.4, 1.5, 1.2, 5.0], "height": 0.2, "gravity": 9.81},
+}
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_release_dynamics_is_the_exact_release_up_to_the_smoothing(name) -> None:
+    """The error falls with the square of the width: halving it removes three quarters."""
+    case = reference_case(name)
+    exact, wide, narrow = exact_pivot_release(case).end, smoothed(case, 0.02), smoothed(case, 0.01)
+    assert np.linalg.norm(narrow - exact) < 0.4 * np.linalg.norm(wide - exact) < 0.02
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_limit_surface_steps_are_those_of_the_core(name) -> None:
+    case, steps = reference_case(name), 100
+    dt, state, step = case.grip.opening / steps, case.start(), FUNCTIONS["limit_surface_step"]
+    for i in range(steps):
+        start, end = (case.hand.at(np.array([(i + k) * dt])) for k in (0, 1))
+        state = step(
+            object=state,
+            pose=start.pose,
+            next_pose=end.pose,
+            next_twist=end.twist,
+            normal_force=float(case.grip.force((i + 0.5) * dt)),
+            dt=dt,
+            **function_inputs(case, step),
+        )["next_object"]
+    expected = SteppedRelease(steps).release(case).end
+    np.testing.assert_allclose(np.array(state).ravel(), expected, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("v_z", [2.0, 0.0, -2.0])
+def test_flight_lands_on_the_parabola(v_z) -> None:
+    start = np.array([0.2, 0.95, 0.4, 1.5, v_z, 5.0])
+    found = FUNCTIONS["flight"](object=start, height=0.2)
+    time = float(found["time"])
+    assert 0.95 + v_z * time - 9.81 / 2 * time**2 == pytest.approx(0.2)
+    assert v_z - 9.81 * time < 0.0
+    x, z, theta = np.array(found["landing"]).ravel()
+    assert (x, z, theta) == pytest.approx((0.2 + 1.5 * time, 0.2, 0.4 + 5.0 * time))
+    assert (x, theta, time) == pytest.approx(tuple(FlightLaw(9.81).land(start[None], 0.2)[0]))
+    assert math.isnan(FUNCTIONS["flight"](object=start, height=2.0)["time"])
+
+
+@pytest.mark.parametrize("stuck", [False, True])
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_derivatives_are_those_of_differences(name, stuck) -> None:
+    function, inputs = FUNCTIONS[name], {k: np.array(v) for k, v in INPUTS[name].items()}
+    if stuck and name != "flight":
+        inputs["normal_force"] = np.array(200.0)
+    symbols = [ca.SX.sym(each, function.size1_in(each)) for each in function.name_in()]
+    outputs = ca.vertcat(*function(*symbols)) if function.n_out() > 1 else function(*symbols)
+    jacobian = ca.Function("jacobian", symbols, [ca.jacobian(outputs, ca.vertcat(*symbols))])
+    values = np.concatenate([inputs[each].ravel() for each in function.name_in()])
+    ends = np.cumsum([function.size1_in(each) for each in function.name_in()])[:-1]
+
+    def at(vector):
+        found = function(*np.split(vector, ends))
+        return np.array(ca.vertcat(*found) if function.n_out() > 1 else found).ravel()
+
+    found = np.array(jacobian(*np.split(values, ends)))
+    assert np.isfinite(found).all()
+    for i, value in enumerate(values):
+        move = np.zeros_like(values)
+        move[i] = 1e-6 * max(abs(value), 1e-2)
+        slope = (at(values + move) - at(values - move)) / (2 * move[i])
+        np.testing.assert_allclose(
+            found[:, i], slope, rtol=1e-4, atol=1e-5 * (1 + abs(slope).max())
+        )
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_map_is_a_loop(name) -> None:
+    function, count, rng = FUNCTIONS[name], 5, np.random.default_rng(0)
+    columns = {
+        key: np.reshape(value, (-1, 1)) * rng.uniform(0.9, 1.1, count)
+        for key, value in INPUTS[name].items()
+    }
+    together = function.map(count)(**columns)
+    for i in range(count):
+        alone = function(**{key: rows[:, i] for key, rows in columns.items()})
+        for key, rows in together.items():
+            np.testing.assert_array_equal(np.array(rows)[:, i], np.array(alone[key]).ravel())
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_docstrings_name_all_inputs_and_outputs(name) -> None:
+    words = re.findall(r"\w+", getattr(models, name).__doc__)
+    names = [*FUNCTIONS[name].name_in(), *FUNCTIONS[name].name_out()]
+    assert set(names) <= set(words)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_what_has_no_usual_value_is_not_left_out_in_silence(name) -> None:
+    """Friction of a square pad, gravity and width have; all else makes the outputs NaN."""
+    usual = {"torsion", "faces", "gravity", "width"}
+    for left_out in INPUTS[name]:
+        given = {key: value for key, value in INPUTS[name].items() if key != left_out}
+        outputs = FUNCTIONS[name](**given).values()
+        finite = all(np.isfinite(np.array(each)).all() for each in outputs)
+        assert finite == (left_out in usual)
