@@ -1,6 +1,6 @@
 """The result of planning: the plan, its files, and reading them again."""
 
-from .active_limits import ActiveLimit, Bound, binding_words
+from .active_limits import CUT_SHORT, ActiveLimit, Bound, binding_words
 from .files import (
     PlanPath,
     SavedThrow,
@@ -22,4 +22,13 @@ from .motion_files import (
 )
 from .plan import Plan, draw_flight, plan_of, sent_motion, sent_throw, throw_of
 from .planned_throw import PlannedThrow
-from .recommended import allowed, assumed_words, exceeded_entries, exceeded_words
+from .recommended import allowed, exceeded_entries
+from .summary import (
+    assumed_words,
+    exceeded_lines,
+    load_words,
+    margins,
+    models_words,
+    uncertain_words,
+    unchecked_words,
+)
