@@ -88,8 +88,8 @@ def _status(plan: Plan) -> str:
     off = _off(*plan.error_sent(), angle=goal.theta is not None)
     place = f"within {off} of the target (tolerance {', '.join(allowed)})"
     if goal.is_region:
-        inside = not any(plan.error_sent())
-        place = f"inside {_pose(goal)}" if inside else f"within {off} of {_pose(goal)}"
+        near = "inside" if not any(plan.error_sent()) else f"within {off} of"
+        place = f"{near} the region (tolerance {', '.join(allowed)})"
     moves = "" if plan.target.velocity is None else f" at {plan.target.speed:g} m/s"
     return f"{name}: solved by the {model}, {place}{moves}{_took(plan)}"
 
@@ -201,18 +201,18 @@ def _often(plan: Plan) -> list[str]:
     """What is known of how often the throw succeeds, and what to do about it."""
     robust, warned = _robust_helps(plan), plan.verdict.warnings
     facts = [uncertain_words(one, robust) for one in warned if one.code is Code.UNCERTAIN]
-    if words := _at_bounds(plan):
-        facts.append(words + ("; --robust aims inside" if robust else ""))
-    if (known := plan.calibrated) is not None:
-        different = (*known.setup, *known.speeds)
-        facts.append(
-            known.words or f"[calibration] does not hold here: {different[0]}: calibrate again"
-        )
     if (rests := plan.rests) is not None:
         words = f"rests {rests.rest.place} in {rests.rests} of {rests.of} throws"
         asked = f"{words}, {100 * rests.rest.at_least:g} % asked"
         cure = Code.REST.cure.partition(",")[0]
         facts.append(f"{asked}: {cure}" if rests.findings else words)
+    if (known := plan.calibrated) is not None:
+        different = (*known.setup, *known.speeds)
+        facts.append(
+            known.words or f"[calibration] does not hold here: {different[0]}: calibrate again"
+        )
+    if words := _at_bounds(plan):
+        facts.append(words + (": --robust aims inside" if robust else ""))
     if sampled := plan.message.partition("; ")[2]:
         facts.append(sampled)
     if plan.scene.cup is not None and plan.rests is None:
@@ -251,7 +251,7 @@ def _at_bounds(plan: Plan) -> str:
     ]
     if not bounds:
         return ""
-    words = f"lands at the region's bound of {' and '.join(bounds)}"
+    words = f"at the region's bound of {' and '.join(bounds)}"
     return words if known is None else f"{words}, nearer than your throws scatter"
 
 
@@ -287,14 +287,10 @@ def assumed_words(scene: Scene, assumed: Sequence[str], target: Pose | None = No
             # One section's keys stand together.
             new = not any(name.startswith(f"{section} ") for name in names)
             names.append((f"{section} " if new else "") + key.replace("_", " "))
-    floor = scene.bounds.floor
-    free = "the way below the floor is free (or add an [[obstacle]])"
-    below = floor is not None and target is not None and target.z < floor
-    if not names:
-        return f"assumed: {free}" if below else ""
-    return _fit(
-        f"assumed: {free}; " if below else "assumed: ", names, tail=f" ({MEASURE})", count=True
-    )
+    tail, floor = f" ({MEASURE})" if names else "", scene.bounds.floor
+    if floor is not None and target is not None and target.z < floor:
+        names.insert(0, "no [[obstacle]] below the floor")
+    return _fit("assumed: ", names, tail=tail, count=True) if names else ""
 
 
 def _next(plan: Plan, folder: str | None) -> str:
@@ -329,8 +325,8 @@ def _not_found(plan: Plan, folder: str | None) -> Iterator[str]:
         helps = list(dict.fromkeys(one.advice for one in plan.binding if one.advice))
         if helps:
             yield _fit("what helps: ", helps, "; ", count=True)
-    elif plan.nearest is None and plan.bound is None:
-        yield f"why: {plan.message}"
+    elif (why := plan.message.removeprefix("no throw found: ")) != plan.message:
+        yield f"why: {why}"
     scene = shlex.quote(plan.scene.file or name)
     advice = [f"throwplan map {scene} --z {target.z:g} (what it reaches)"]
     if CUT_SHORT in plan.message:
@@ -367,7 +363,8 @@ def _details(plan: Plan) -> Iterator[str]:
         throw = plan.throw.deciding
         for model, key in (("limit surface", "limit_surface"), ("sliding pivot", "sent")):
             x, _, theta = plan.throw.landings[key]
-            yield f"by the {model} it lands at x {x:.4f} m, theta {math.degrees(theta):.2f}°"
+            place = _range(math.degrees(theta), 0.0, 2)
+            yield f"by the {model} it lands at x {x:.4f} m, theta {place}°"
         for _, words in margins(throw):
             yield f"margin: {words}"
         if torque_limits(scene) is not None:
@@ -383,6 +380,8 @@ def _details(plan: Plan) -> Iterator[str]:
         yield plan.calibrated.aim_words
     if plan.rests is not None:
         yield plan.rests.words
+    if plan.solved and (words := _at_bounds(plan)):
+        yield words
     if plan.assumed:
         yield f"assumed: {', '.join(plan.assumed)}"
     yield from (f"warning: {finding.words}" for finding in plan.verdict.warnings)
