@@ -82,9 +82,9 @@ def _status(plan: Plan) -> str:
     if plan.short_of is not None:
         return f"{name}: lands beside its target, {_pose(plan.short_of)}: the nearest throw found"
     model = "limit surface" if tolerance.model == STEPPED_SURFACE else "sliding pivot"
-    allowed = [f"{1e3 * tolerance.position:g} mm"]
+    allowed = [f"{1e3 * tolerance.position:.3g} mm"]
     if goal.theta is not None:
-        allowed.append(f"{math.degrees(tolerance.angle):g}°")
+        allowed.append(f"{math.degrees(tolerance.angle):.3g}°")
     off = _off(*plan.error_sent(), angle=goal.theta is not None)
     place = f"within {off} of the target (tolerance {', '.join(allowed)})"
     if goal.is_region:
@@ -116,7 +116,7 @@ def _quiet(plan: Plan) -> str:
     assert load is not None
     if load < QUIET:
         return f"quiet: while the pads open they carry at most {load_words(load)} of their grip"
-    cure = "plan with --robust" if _robust_helps(plan) else "measure them for [uncertainty]"
+    cure = "plan with --robust" if _robust_helps(plan) else "measure both"
     words = f"not quiet: the opening pads carry up to {load_words(load)} of their grip"
     return f"{words}, so delay and friction count: {cure}"
 
@@ -178,8 +178,11 @@ def models_words(throws: Iterable[Throw], robust: bool = False) -> str:
     cure = "test slowly" + (", or plan with --robust" if robust else "")
     if not math.isfinite(apart[0]):
         return f"only one of the two release models comes down at the target's height: {cure}"
-    allowed = f"{1e3 * tolerance.position:g} mm, {math.degrees(tolerance.angle):g}°"
-    return f"the two release models disagree by {_off(*apart)} (tolerance {allowed}): {cure}"
+    allowed = [f"{1e3 * tolerance.position:.3g} mm"] if apart[0] > tolerance.position else []
+    if apart[1] > tolerance.angle:
+        allowed.append(f"{math.degrees(tolerance.angle):.3g}°")
+    said = f"{_off(*apart)} (tolerance {', '.join(allowed)})"
+    return f"the two release models disagree by {said}: {cure}"
 
 
 def _delay(plan: Plan) -> str:
@@ -260,10 +263,11 @@ def exceeded_lines(found: Mapping[str, tuple[float, float]], may: str = "") -> I
     may."""
     for name, (value, most) in found.items():
         words, unit, scale, key = _RECOMMENDED[name]
-        least = f"{1.0 - most if name == 'torque' else most:.9g}"
+        own = f"{scale * value:,.0f}" if scale * value >= 100.0 else f"{scale * value:.3g}"
+        write = f"{1.0 - most if name == 'torque' else most:.9g}"
         yield (
-            f"{may}{words} {scale * value:,.4g} {unit}, the maker recommends at most "
-            f"{scale * most:,.9g}: write {key} = {least}"
+            f"{may}{words} {own} {unit}, the maker recommends at most {scale * most:,.9g}: write "
+            f"{key} = {write}"
         )
 
 
