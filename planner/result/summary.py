@@ -272,10 +272,14 @@ def exceeded_lines(found: Mapping[str, tuple[float, float]], may: str = "") -> I
 
 
 def unchecked_words(scene: Scene) -> str:
-    """That an arm's torques are not checked, and what to do; empty where they are."""
-    if scene.robot is None or scene.arm is None or scene.arm.links:
+    """What of an arm is not checked for want of data, and what to do; empty where all is."""
+    arm = scene.arm
+    if scene.robot is None or arm is None:
         return ""
-    return f"torques are not checked: give arm {scene.arm.name} [[links]]"
+    parts = {"torques": ("[[links]]", arm.links), "contacts": ("[[capsules]]", arm.capsules)}
+    missing = {name: key for name, (key, given) in parts.items() if not given}
+    keys = f"give arm {arm.name} {', '.join(missing.values())}"
+    return f"not checked: {', '.join(missing)} ({keys})" if missing else ""
 
 
 def assumed_words(scene: Scene, assumed: Sequence[str], target: Pose | None = None) -> str:
@@ -307,7 +311,10 @@ def _next(plan: Plan, folder: str | None) -> str:
         run = f"throwplan run {where} --robot HOST --rehearse"
         files = "--franka" if arm.name in FRANKA else "--ros"
         commands.append(run if arm.name == RUNS else f"throwplan export {where} {files} TO")
-    head = "next: " if folder is not None else "next: plan with --out DIR, then "
+    head = "next: "
+    if notes := len(plan.scene.notes):
+        head += f"see {notes} note{'s' if notes > 1 else ''} with --verbose; "
+    head += "" if folder is not None else "plan with --out DIR, then "
     return _fit(head, commands)
 
 

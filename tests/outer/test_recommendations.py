@@ -151,7 +151,7 @@ def test_plans_of_an_imported_arm_say_what_is_assumed(
     spreads = ["uncertainty.delay", "uncertainty.opening"]
     assert json.loads(said.out)["assumed"] == [*(f"arm.{name}" for name in assumed), *spreads]
     line = run("plan", tmp_path / "own-scene.toml").out
-    assert "arm tool speed" in line and ("torques are not checked" in line) == (not inertial)
+    assert "arm tool speed" in line and ("[[links]]" in line) == (not inertial)
     options += " --force --tool-speed 1.2"
     if inertial:
         options += " --torque-rate 900"
