@@ -168,7 +168,7 @@ class Cycle(ReadOnly):
             lines.append(f"  {words}")
         if words := assumed_words(self.scene, self.scene.assumed):
             lines.append(f"  {words}")
-        return "\n".join(lines)
+        return "\n".join(lines + [f"  note: {words}" for words in self.scene.notes])
 
 
 def _named(sentences: Iterable[tuple[Carry, str]]) -> Iterator[str]:
