@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from .planner import Plan, check_hits, is_cycle
+from .planner import check_hits, is_cycle
 from .problems import InputError, Pose, Region, Scene, prepare_folder
 
 #: Type of a parser's `add_argument`.
@@ -217,12 +217,6 @@ def number(
 def print_result(options: argparse.Namespace, result: object, text: str) -> None:
     """Print the command's result: `result` as JSON with --json, else `text`."""
     print(json.dumps(result, indent=2, allow_nan=False) if options.json else text)
-
-
-def plan_text(plan: Plan) -> str:
-    """A plan's summary; of an unsolved one without the reason, which goes to stderr."""
-    lines = plan.summary().split("\n")
-    return "\n".join(lines if plan.solved else [f"{plan.scene.name}: {plan.status}", *lines[1:]])
 
 
 def fail(message: str, status: int = NO_THROW) -> int:

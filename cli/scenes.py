@@ -53,7 +53,6 @@ from ..terminal import (
     integer,
     notes,
     number,
-    plan_text,
     prepare_out,
     print_result,
     save_out,
@@ -150,6 +149,8 @@ def plan_arguments(add: Add) -> None:
     kind = integer(0, MOST_ALTERNATIVES)
     add("--alternatives", type=kind, metavar="N", default=0, help=words)
     add_patience(add, "30 s, 6 s for a robust plan")
+    words = "also print the solver, all margins, notes, and warnings in full"
+    add("--verbose", action="store_true", help=words)
     add_out(add, "plan.json, motion.csv, throw.png and throw.gif")
 
 
@@ -174,12 +175,14 @@ def plan(options: argparse.Namespace) -> int:
             patience=options.patience,
         )
     save_out(options, scene.name, found.save, partial(pictures.save, found))
-    text = plan_text(found) + written(options)
+    text = found.summary(options.verbose, options.out)
     if found.solved and len(found.alternatives) < alternatives:
-        text += f"\n  found no more of {alternatives} alternatives: all starts lead to these throws"
+        text += f"\n  found no more of {alternatives} alternatives"
     delay = {} if found.delay is None else {"delay": found.delay.to_dict()}
     print_result(options, found.to_dict() | delay, text)
-    return DONE if found.solved else fail(found.message)
+    if found.solved:
+        return DONE
+    return fail(found.message if options.json else "no throw found")
 
 
 def simulate_arguments(add: Add) -> None:

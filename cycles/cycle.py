@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -11,14 +12,23 @@ from typing import Any
 from ..models import ReadOnly
 from ..planner import (
     TICK,
+    Carry,
+    Code,
+    Finding,
     SentMotion,
     allowed,
     assumed_words,
     calibrated_landing,
     carry_entries,
     exceeded_entries,
-    exceeded_words,
+    exceeded_lines,
+    load_words,
+    margins,
+    models_words,
+    peak_load,
     saved_entries,
+    uncertain_words,
+    unchecked_words,
     warnings,
     write_motion,
 )
@@ -69,15 +79,20 @@ class Cycle(ReadOnly):
         return math.nan if self.motion is None else self.motion.duration
 
     @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings about the throws, each a sentence after the names of its objects."""
-        found = dict[str, list[str]]()
+    def _findings(self) -> list[tuple[Carry, Finding]]:
+        """What the throws are warned of."""
+        found = list[tuple[Carry, Finding]]()
         for one in () if self.motion is None else self.motion.carries:
             claim = calibrated_landing(one.throw, one.throw.target)
             unlike = () if claim is None else claim.findings
-            for finding in (*warnings(one.throw.deciding, one.throw.target), *unlike):
-                found.setdefault(finding.words, []).append(one.pick)
-        return tuple(f"{', '.join(names)}: {words}" for words, names in found.items())
+            each = (*warnings(one.throw.deciding, one.throw.target), *unlike)
+            found += [(one, finding) for finding in each]
+        return found
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings about the throws, each a sentence after the names of its objects."""
+        return tuple(_named((one, finding.words) for one, finding in self._findings))
 
     def to_dict(self) -> dict[str, Any]:
         """The cycle as JSON: SI units, radians, poses in the base frame, times on its clock."""
@@ -126,21 +141,43 @@ class Cycle(ReadOnly):
         """The cycle as lines for people."""
         if self.motion is None or not self.solved:
             return f"{self.name}: not solved: {self.message}"
-        lines = [f"{self.name}: solved, {self.message}; order {ORDERS[self.order]}"]
-        lines.append(
-            f"  {'object':16} {'bin':12} {'at pick':>8} {'thrown':>8} {'lands':>8}   error"
-        )
+        count = len(self.motion.carries)
+        each = "" if count == 1 else f", {self.duration / count:.2f} s each"
+        lines = [
+            f"{self.name}: solved, {self.message}{each}, order {ORDERS[self.order]}, planned in "
+            f"{self.time['total']:.1f} s",
+            f"  {'object':14} {'bin':10} {'at pick':>8} {'let go':>8} {'lands':>8}  "
+            f"{'error':16} {'load':>6}  smallest margin",
+        ]
         for one in self.motion.carries:
-            dx, dtheta = one.throw.miss()
-            moments = TICK * one.reach, one.opening_time, one.landing_time
+            throw = one.throw.deciding
+            dx, dtheta = throw.miss()
+            moments = TICK * one.reach, one.detach_time, one.landing_time
             times = " ".join(f"{time:7.3f}s" for time in moments)
-            error = f"{1e3 * abs(dx):.2f} mm {math.degrees(abs(dtheta)):.2f} deg"
-            lines.append(f"  {one.pick:16} {one.bin:12} {times}   {error}")
-        each = self.duration / len(self.motion.carries)
-        lines.append(f"  {each:.2f} s an object; planned in {self.time['total']:.1f} s")
-        lines += [f"  warning: {words}" for words in self.warnings]
-        if beyond := allowed(self.scene):
-            lines.append(f"  {exceeded_words(beyond, 'may take ')}")
+            error = f"{1e3 * abs(dx):.2f} mm, {math.degrees(abs(dtheta)):.2f}°"
+            load, (_, margin) = load_words(peak_load(throw)), margins(throw)[0]
+            lines.append(f"  {one.pick:14} {one.bin:10} {times}  {error:16} {load:>6}  {margin}")
+        differ = [one for one, finding in self._findings if finding.code is Code.MODELS_DIFFER]
+        if differ:
+            words = models_words([one.throw.deciding for one in differ])
+            lines.append(f"  {', '.join(one.pick for one in differ)}: {words}")
+        others = (
+            (one, uncertain_words(finding) if finding.code is Code.UNCERTAIN else finding.words)
+            for one, finding in self._findings
+            if finding.code is not Code.MODELS_DIFFER
+        )
+        lines += [f"  {words}" for words in _named(others)]
+        lines += [f"  {words}" for words in exceeded_lines(allowed(self.scene), "up to ")]
+        if words := unchecked_words(self.scene):
+            lines.append(f"  {words}")
         if words := assumed_words(self.scene, self.scene.assumed):
             lines.append(f"  {words}")
         return "\n".join(lines + [f"  note: {words}" for words in self.scene.notes])
+
+
+def _named(sentences: Iterable[tuple[Carry, str]]) -> Iterator[str]:
+    """Each sentence once, after the names of its objects."""
+    found = dict[str, list[str]]()
+    for one, words in sentences:
+        found.setdefault(words, []).append(one.pick)
+    yield from (f"{', '.join(names)}: {words}" for words, names in found.items())

@@ -60,7 +60,7 @@ print(plain.summary())
 # %% [markdown]
 """
 The plan is solved: the bar enters the bin and touches neither wall nor rim on its way in. Whether
-it stays there is not looked at, as the note says.
+it stays there is not counted, as the plan says.
 
 ## Will it stay?
 
@@ -68,7 +68,7 @@ it stays there is not looked at, as the note says.
 its speed a bounce leaves (restitution) and the friction, each as a range. The flight goes on in
 MuJoCo, 64 times with contacts from these ranges, until the bar rests. If it does not always stay,
 the planner looks for a throw that stays more often: one that is slower where it lands. Here it
-finds none, and the plan warns.
+finds none, and the plan says so.
 """
 
 # %%

@@ -20,7 +20,6 @@ from ..terminal import (
     fail,
     integer,
     number,
-    plan_text,
     print_result,
     report_step,
 )
@@ -100,7 +99,7 @@ def play(options: argparse.Namespace) -> int:
         with Progress(f"{scene.name}: planning"):
             plan = first_plan(planner)
         if not plan.solved:
-            print_result(options, plan.to_dict(), plan_text(plan))
+            print_result(options, plan.to_dict(), plan.summary())
             return fail(plan.message)
         page = PlayPage(server, planner, plan)
         try:

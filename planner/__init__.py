@@ -4,7 +4,7 @@ Users take what they need from `throwplan`; this is what the rooms around the he
 """
 
 from ..models.robot import PlanarArm, Solid, SpatialArm, segment_distance
-from .ocp import CondensedQp, ReducedVariables, Refinement, Request, Solution, load_curve
+from .ocp import CondensedQp, ReducedVariables, Refinement, Request, Solution, load_curve, peak_load
 from .planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner, plan
 from .reach import MAP_FILES, MOST, ReachMap, check_map, reach_map
 from .rest import (
@@ -43,9 +43,12 @@ from .result import (
     carry_entries,
     check_hits,
     exceeded_entries,
-    exceeded_words,
+    exceeded_lines,
     is_cycle,
     joint_samples,
+    load_words,
+    margins,
+    models_words,
     part_thrown,
     plan_of,
     read_motion,
@@ -54,6 +57,8 @@ from .result import (
     sent_motion,
     throw_of,
     timeline,
+    uncertain_words,
+    unchecked_words,
     write_motion,
     write_table,
 )

@@ -1,6 +1,6 @@
 """The result of planning: the plan, its files, and reading them again."""
 
-from .active_limits import ActiveLimit, Bound, binding_words
+from .active_limits import CUT_SHORT, ActiveLimit, Bound, binding_words
 from .files import (
     NEAREST,
     PlanPath,
@@ -24,4 +24,13 @@ from .motion_files import (
 from .over_time import PHASES, Timeline, arm_points, timeline
 from .plan import Plan, Sendable, Source, plan_of, sent_motion, throw_of
 from .planned_throw import PlannedThrow
-from .recommended import allowed, assumed_words, exceeded_entries, exceeded_words
+from .recommended import allowed, exceeded_entries
+from .summary import (
+    assumed_words,
+    exceeded_lines,
+    load_words,
+    margins,
+    models_words,
+    uncertain_words,
+    unchecked_words,
+)

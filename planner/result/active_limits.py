@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+#: What the message of a plan without a throw says if its time ended before its starts.
+CUT_SHORT = "patience cut the search"
 #: Key of the scene, and what to do about it, by the end of a limit's name.
 ADVICE = {
     "position": ("[limits] position", "another start, arm or target"),

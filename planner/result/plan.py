@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,37 +11,20 @@ from typing import Any, Protocol
 
 from ...problems import InputError, Pose, Scene
 from ...problems.files import filling, plain, write_json
-from ..ocp import load_curve, peak_load
-from ..throw import TICK, Manipulator, Throw, torque_limits
+from ..ocp import peak_load
+from ..throw import Manipulator, Throw, torque_limits
 from ..uncertainty import DelayTolerance, RestCount, warnings
-from ..verdict import (
-    CalibratedLanding,
-    Verdict,
-    bound_words,
-    calibrated_landing,
-    drop_words,
-    grip_words,
-    measures_of,
-    verdict_on,
-)
+from ..verdict import CalibratedLanding, Verdict, calibrated_landing, measures_of, verdict_on
 from .active_limits import ActiveLimit, Bound
 from .files import FILES, NEAREST, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan
 from .motion import SentMotion
 from .motion_files import read_motion, write_motion
 from .planned_throw import PlannedThrow
-from .recommended import assumed_words, exceeded, exceeded_entries, exceeded_words
+from .recommended import exceeded, exceeded_entries
+from .summary import summary
 
-#: Keys of a release's times in the JSON, and their labels in summaries.
-MOMENTS = {
-    "command_time": "gripper command",
-    "opening_time": "starts opening",
-    "detach_time": "bar free",
-    "landing_time": "lands",
-}
-
-
-#: A throw is quiet while its pads carry less than this share of their grip.
-QUIET = 0.1
+#: Keys of a release's times in the JSON.
+MOMENTS = ("command_time", "opening_time", "detach_time", "landing_time")
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,7 +64,7 @@ class Plan:
         return f"Plan({self.scene.name}: {self.status}, {self.message})"
 
     @cached_property
-    def verdict(self) -> Verdict:
+    def verdict_on(self) -> Verdict:
         """The limits that the throw breaks, and warnings about a solved one."""
         if self.throw is None:
             return Verdict()
@@ -270,93 +252,19 @@ class Plan:
         """
         return path_of(self.sent_throw())
 
-    def summary(self) -> str:
-        """The plan as lines for people: status and message, times, limits, solver."""
-        result, scene = self.to_dict(), self.scene
-        solver = result["solver"]
-        lines = [f"{scene.name}: {self.status}, {self.message}", f"  target {self.target.words}"]
-        if self.calibrated is not None:
-            said = self.calibrated.aim_words, self.calibrated.words
-            lines += [f"  {words}" for words in said if words]
-        if self.rests is not None:
-            lines.append(f"  {self.rests.words}")
-        lines += [f"  warning: {finding.words}" for finding in self.verdict.warnings]
-        lines += [f"  note: {words}" for words in self._notes if words]
-        if self.solved and scene.cup is not None and scene.rest is None:
-            lines.append("  note: whether it stays in the cup is not looked at; [rest] does")
-        floor = scene.bounds.floor
-        if floor is not None and self.target.z < floor:
-            lines.append(
-                f"  note: the target is below the [workspace] floor at z {floor:g} m. Arm, hand "
-                "and held bar\n        stay above it; the flying bar may hit it before the target"
-            )
-        if self.throw is not None and self.solved:
-            moments = {words: result["release"][key] for key, words in MOMENTS.items()}
-            times = [f"{words} {t:.3f} s" for words, t in moments.items() if t is not None]
-            lines.append(f"  {', '.join(times)}")
-            lines.append(f"  {grip_words(self.throw.deciding)}")
-        if "torque" in result and self.solved:
-            lines.append(f"  {self._torque_words(**result['torque'])}")
-        if self.exceeds:
-            lines.append(f"  {exceeded_words(self.exceeds)}")
-        if words := assumed_words(scene, self.assumed):
-            lines.append(f"  {words}")
-        lines.append(
-            f"  {solver['name']}, {solver['iterations']} iterations from {self.starts} "
-            f"starts, {self.variables} variables, {self.constraints} constraints, "
-            f"{result['time']['total']:.2f} s"
-        )
-        lines += [f"  {words}" for words in self._load_words]
-        for number, other in enumerate(result.get("alternatives", ()), start=1):
-            moments = other["release"]
-            flight = 1e3 * (moments["landing_time"] - moments["detach_time"])
-            lines.append(
-                f"  alternative {number}: effort {other['effort']:.2f}, opening at "
-                f"{1e3 * moments['opening_time']:.0f} ms, flight {flight:.0f} ms"
-            )
-        if self.delay is not None:
-            lines.append(f"  note: {self.delay.words}")
-        lines += [f"  note: {words}" for words in scene.notes]
-        if scene.gripper.raw:
-            grip = scene.gripper.profile()
-            lines.append(
-                f"  grip from the recording: full {grip.full:.4g} N, dwell "
-                f"{1e3 * grip.dwell:.1f} ms, opening {1e3 * grip.opening:.1f} ms"
-            )
-        return "\n".join(lines)
+    def summary(self, verbose: bool = False, folder: str | None = None) -> str:
+        """The plan as lines for people: at most ten, without those of `alternatives`.
 
-    @property
-    def _notes(self) -> tuple[str, str]:
-        """Sentences about the landing and the hand of a solved throw, or empty."""
-        throw = self.throw if self.solved else None
-        return self.bound_words, "" if throw is None else drop_words(throw.deciding)
+        verbose: also the solver, all margins, notes, and warnings in full. folder: where its files
+        are, for the commands to go on with.
+        """
+        return summary(self, verbose, folder)
 
     @cached_property
     def peak_load(self) -> float | None:
         """The largest load on the pads once the earliest opening has left a quarter of the grip, as
         a share of the full grip's friction limit; None without a throw to the target."""
         return None if self.throw is None or not self.solved else peak_load(self.throw.deciding)
-
-    @property
-    def bound_words(self) -> str:
-        """A sentence about a landing at the bounds of a region; empty elsewhere."""
-        if self.throw is None or not self.solved:
-            return ""
-        landing = self.throw.deciding.landing
-        words = bound_words(self.scene, self.goal, landing.x, landing.theta)
-        return f"{words}; --robust tries to aim inside" if words and not self.robust else words
-
-    @property
-    def _load_words(self) -> Iterator[str]:
-        """How quiet the throw is, and what follows from it."""
-        if (load := self.peak_load) is not None:
-            assert self.throw is not None
-            deciding = self.throw.deciding
-            later = load_curve(deciding)[0][-1] - deciding.detach_time
-            words = f"while the pads open, and {1e3 * later:.0f} ms longer, they carry up to "
-            share = f"{100 * load:.0f}" if load >= QUIET else f"{100 * load:.2g}"
-            words += f"{share} % of their grip: such a delay, and friction,"
-            yield f"quiet: {words} hardly matter" if load < QUIET else f"not quiet: {words} matter"
 
     def error_sent(self) -> tuple[float, float]:
         """(position [m], angle [rad]) error of the deciding landing; NaN without a throw."""
@@ -376,24 +284,6 @@ class Plan:
     def _json_error(self, pose: tuple[float, float, float]) -> Any:
         position, angle = self.goal.miss(pose[0], pose[2])
         return plain({"position": abs(position), "angle": abs(angle)})
-
-    def _torque_words(
-        self, use: float, rate: float, rate_limit: float | None, load_step: list[float]
-    ) -> str:
-        """Torques, torque rates and load steps of the joints as text."""
-        words = (
-            f"joint torques at most {100 * use:.0f} % of their limits, torque rate of the motion's "
-            f"commands at most {rate:,.0f} N m/s"
-        )
-        if rate_limit is not None and self.throw is not None and max(load_step) > rate_limit * TICK:
-            step = max(load_step)
-            worst = self.throw.manipulator.joints[load_step.index(step)]
-            words += (
-                f"\n  note: as the pads let go, {worst} loses a load of {step:.2f} N m in "
-                f"{1e3 * TICK:g} ms, more than\n        {rate_limit:,.0f} N m/s: a disturbance "
-                "that the controller feels, not a command; [torque] rate does not limit it"
-            )
-        return words
 
     def json(self) -> str:
         """`to_dict` as a JSON text."""

@@ -1,8 +1,8 @@
-"""What a throw takes beyond the recommendations of makers, and what a plan assumes."""
+"""What a throw takes beyond the recommendations of makers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -10,14 +10,6 @@ from ...models import Array
 from ...problems import Scene, Torque
 from ..throw import Throw, torque_limits
 from ..verdict import measures_of
-
-#: Names of recommendations: words, unit with its scale from SI, and decimals.
-_WORDS = {
-    "torque_rate": ("torque rate", "N m/s", 1.0, 0),
-    "torque": ("joint torque", "% of its limit", 100.0, 0),
-    "tool_speed": ("tool speed", "m/s", 1.0, 2),
-    "grip_force": ("grip force", "N", 1.0, 0),
-}
 
 
 def exceeded(throw: Throw) -> dict[str, tuple[float, float]]:
@@ -64,25 +56,6 @@ def _beyond(
     }
 
 
-def exceeded_words(found: Mapping[str, tuple[float, float]], may: str = "") -> str:
-    """What a throw exceeds, and by how much, in one line; may: words for what it only may."""
-    parts = []
-    for name, values in found.items():
-        words, unit, scale, decimals = _WORDS[name]
-        value, most = (f"{scale * each:,.{decimals}f}" for each in values)
-        parts.append(f"{words} {value} instead of {most} {unit}")
-    return f"{may}more than the maker recommends: {', '.join(parts)}"
-
-
 def exceeded_entries(found: Mapping[str, tuple[float, float]]) -> dict[str, dict[str, float]]:
     """The same as JSON."""
     return {name: {"value": v, "recommended": most} for name, (v, most) in found.items()}
-
-
-def assumed_words(scene: Scene, assumed: Sequence[str]) -> str:
-    """What a plan of a scene assumes, in one line; empty if nothing."""
-    names = [name.replace(".", " ").replace("_", " ") for name in assumed]
-    parts = [f"assumed: {', '.join(names)}"] if names else []
-    if scene.robot is not None and scene.arm is not None and not scene.arm.links:
-        parts.append(f"torques are not checked: arm {scene.arm.name} has no [[links]]")
-    return "; ".join(parts)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ...problems import Pose
 from ..ocp import Request
-from ..result import ActiveLimit, Plan, PlannedThrow, binding_words
+from ..result import CUT_SHORT, ActiveLimit, Plan, PlannedThrow, binding_words
 from .attempts import Outcome
 from .find import Search, SearchContext
 from .nlp_cache import Task
@@ -111,7 +111,7 @@ def _words(search: Search, nearest: Plan | None, binding: tuple[ActiveLimit, ...
         often = max(search.broken.values())
         words += f", {often} of them end at {binding_words(binding)}"
     if task.budget.late:
-        words += "; patience cut the search, more may help"
+        words += f"; {CUT_SHORT}, more may help"
     return words + target.angle_hint
 
 

@@ -109,29 +109,12 @@ class DelayTolerance:
         early, late = ((x - at[0][0], theta - at[0][1]) for x, theta in at[1:])
         return cls(early, late, scan_delays(judge))
 
-    @property
-    def words(self) -> str:
-        """The same as a sentence."""
-        return (
-            f"the gripper's delay is not measured: {1e3 * SAID:g} ms early the object "
-            f"{_moved(*self.early)},\n        {1e3 * SAID:g} ms late it {_moved(*self.late)}; "
-            f"the throw succeeds {self.scan.words}.\n        Measure the delay for [uncertainty] "
-            "(throwplan identify --delay on measured throws)"
-        )
-
     def to_dict(self) -> dict[str, Any]:
         """As JSON, SI units; early and late are None without a failure up to 50 ms."""
         moved = {"early": self.early, "late": self.late}
         changes = {key: dict(zip(("x", "theta"), pose, strict=True)) for key, pose in moved.items()}
         table: dict[str, Any] = plain(vars(self.scan) | {"landing": {"delay": SAID} | changes})
         return table
-
-
-def _moved(x: float, theta: float) -> str:
-    """A change of the landing [m, rad] as text."""
-    if not math.isfinite(x):
-        return "misses the target's height"
-    return f"lands {1e3 * x:+.1f} mm and {math.degrees(theta):+.1f} deg off"
 
 
 def _borne(delay: float | None) -> str:

@@ -35,7 +35,7 @@ from .in_space import (
     motion_verdict,
     obstacles_hit,
 )
-from .landing import bound_words, drop_words, lands_well
+from .landing import lands_well
 from .measures import Measures, grip_words, measures_of
 from .motion import FLYING, collision, held_verdict
 from .verdicts import Judge, Verdicts, is_as_successful, outside_tolerance, verdict_on

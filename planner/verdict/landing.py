@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,15 +9,12 @@ import numpy as np
 
 from ...models import Array, Flags, FlightState
 from ...problems import Cup, Pose, Scene, Tolerance
-from ..throw import TICK, Throw, cup_entries
+from ..throw import TICK, cup_entries
 from .findings import Code
 
 #: Least speed [m/s] at which the CoM must fall through the target's height. At slower falls, near
 #: the apex, micrometres of the release are millimetres of the landing.
 FALLS = 0.02
-
-#: Speed [m/s] of the hand at the opening below which a throw is called a drop.
-DROP = 0.1
 #: Allowed excess over the tolerance, a share of it: covers rounding in files.
 ROUNDING = 1e-6
 #: Error [m] of a clearance in the cup, from the bisection of its instants.
@@ -94,33 +90,6 @@ def landing_uses(scene: Scene, target: Pose, at: LandingStates) -> list[LimitUse
     return uses
 
 
-def bound_words(scene: Scene, target: Pose, x: float, theta: float) -> str:
-    """A sentence about a landing at x [m], theta [rad] at the bounds of a region; empty elsewhere.
-
-    At a bound: nearer than the tolerance, or, with [calibration], than measured throws scatter.
-    """
-    known, tolerance = scene.calibration, scene.tolerance
-    near = [tolerance.position, tolerance.angle]
-    if known is not None:
-        near = np.maximum(near, [known.position, known.angle]).tolist()
-    off = abs(x - target.plane_x), abs(theta - (target.theta or 0.0))
-    ranges = zip(("x", "theta"), off, target.half_widths, near, strict=True)
-    # Every landing in a range that is no wider than the tolerance is near both bounds.
-    least = (0.0, 0.0) if known is not None else near
-    wide = [half > room for half, room in zip(target.half_widths, least, strict=True)]
-    bounds = [
-        name
-        for (name, far, half, room), counts in zip(ranges, wide, strict=True)
-        if counts and far > half - room
-    ]
-    if not bounds:
-        return ""
-    words = f"lands at the region's bound of {' and '.join(bounds)}"
-    if known is not None:
-        words += ", nearer than your throws scatter: many land outside it"
-    return words
-
-
 def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -> Flags:
     """Flags (N,) of the flights inside [landing] and [cup], with the cup moved to each landing.
 
@@ -137,12 +106,3 @@ def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -
         shifted[:, 0] += target.plane_x - x
         good &= cup_entries(scene, shifted, time) > least_cup_clearance(scene.cup) + more
     return np.asarray(good)
-
-
-def drop_words(throw: Throw) -> str:
-    """A sentence about a hand that hardly moves as it opens; empty for others."""
-    v_x, v_z, _ = throw.hand(np.array([throw.opening_time])).twist[:, 0]
-    speed = math.hypot(v_x, v_z)
-    if speed > DROP:
-        return ""
-    return f"the hand moves at {speed:.2f} m/s as it opens: it drops the object, at least effort"

@@ -123,9 +123,10 @@ def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> No
     (warning,) = (f for f in plan.verdict.warnings if f.code is Code.UNCERTAIN)
     assert warning.value == pytest.approx(1.0 - found.landings.sticks.mean(), abs=0.02)
     assert "slip under full grip" in warning.words and "sticking_margin" in warning.words
-    assert warning.words in plan.summary()
-    assert f"{100 * use:.0f} % of its friction limit before the opening" in plan.summary()
-    assert f"{100 * (1 - use):.0f} % are left" in plan.summary()
+    assert warning.words in plan.summary(verbose=True)
+    assert f"{100 * warning.value:.0f} % slip under full grip" in plan.summary()
+    most = 100 * (1 - plan.scene.gripper.sticking_margin)
+    assert f"grip {100 * use:.0f} of {most:.3g} %" in plan.summary()
 
 
 # Findings and verdicts.

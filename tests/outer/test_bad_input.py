@@ -292,7 +292,7 @@ def test_a_bound_that_no_throw_is_near_to_is_named(bound, folder, run):
     """Free fall from the hand's highest z, 1.1 m, alone gives 4.6 m/s; the hand adds 3 m/s."""
     put(edited("", HAND, {"landing": bound}), folder)
     said = run("plan scene.toml")
-    assert said.status == 3 and "landing speed" in said.err and "[landing]" in said.err
+    assert said.status == 3 and "landing speed" in said.out and "[landing]" in said.out
 
 
 def test_an_empty_file_misses_all_that_is_required(folder, refused):
@@ -308,7 +308,7 @@ def test_what_is_left_out_and_taken_is_said(folder, run):
     scene = load_scene("scene.toml")
     assert scene.object.inertia == pytest.approx(0.2 * (0.2**2 + 0.02**2) / 12)
     assert scene.contact.patch_radius == 0.0025
-    said = run("plan scene.toml").out
+    said = run("plan scene.toml --verbose").out
     assert "note: [object] inertia is left out: a uniform bar's, 0.0006733 kg m^2" in said
     assert "note: [contact] patch_radius is left out: 0.0025 m" in said
     notes = run("plan scene.toml --json").json["notes"]

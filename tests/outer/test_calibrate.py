@@ -100,7 +100,7 @@ def test_from_a_csv_to_a_plan_that_aims_beside_the_target(run, plans, tmp_path, 
     text = Path("pose.toml").read_text() + Path("cal/calibration.toml").read_text()
     text += "\n[cost]\nquiet = 0.0\n"
     Path("mine.toml").write_text(text)
-    said = run("plan mine.toml --out plan")
+    said = run("plan mine.toml --out plan --verbose")
     assert said.status == 0, said
     words = f"by 20 of your throws 90 % land within {math.ceil(1e3 * half['position'])} mm"
     assert words in said.out and "°" in said.out and "aimed at x 1.1" in said.out

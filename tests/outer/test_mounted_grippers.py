@@ -111,7 +111,7 @@ def test_a_gripper_that_meets_every_wrist_angle_by_round_ends_throws(tmp_path, r
     assert 0.0 < depth < 2 * max(radii)
     x = scene.arm.placed(scene.arm.posture)[-1][0, 3]
     plan = tp.plan(scene, target=tp.Pose(x + 0.4, 0.3, None), patience=30.0)
-    assert plan.solved and note in plan.summary()
+    assert plan.solved and note in plan.summary(verbose=True)
 
 
 def test_a_gripper_inside_the_wrist_is_refused_with_its_depth(tmp_path, run, refused) -> None:

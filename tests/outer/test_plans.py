@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 from functools import cache
 
@@ -12,6 +13,7 @@ import pytest
 import throwplan as tp
 from builders import loud, varied
 from scipy.interpolate import CubicSpline
+from throwplan.planner.verdict import Code
 
 #: The JSON of `plan`: keys, and the keys below them.
 KEYS: dict[str, set[str]] = {
@@ -88,6 +90,35 @@ def test_a_built_in_scene_is_solved_as_it_is_sent(name, plan_of, tmp_path) -> No
     assert written["landing"] == answer["landing"] and written["release"] == times
 
 
+@pytest.mark.parametrize("name", ALL)
+def test_what_a_plan_prints_is_short_and_says_what_its_json_says(name, plan_of) -> None:
+    plan = plan_of(name)
+    answer, text = plan.to_dict(), plan.summary(folder="out/plan")
+    differ = any(one.code is Code.MODELS_DIFFER for one in plan.verdict.warnings)
+    assert len(text.splitlines()) <= 8 + len(answer["exceeds"]) + differ
+    assert max(map(len, text.splitlines())) <= 110
+    error = answer["error"][answer["decides"]]
+    off, turn = re.search(r"within ([\d.]+) mm(?: and ([\d.]+)°)? of", text).groups()
+    # Rounded up.
+    assert 1e3 * error["position"] <= float(off) < 1.2e3 * error["position"] + 0.011
+    if answer["target"]["theta"] is not None:
+        assert -1e-9 < float(turn) - math.degrees(error["angle"]) < 0.011
+    for key in ("command_time", "detach_time", "landing_time"):
+        assert f"{abs(answer['release'][key]):.3f} s" in text, key
+    load = re.search(r"carry (?:at most|up to) ([\d.]+) %", text)[1]
+    assert float(load) == pytest.approx(100 * answer["peak_load"], rel=0.06)
+    for pattern, value in (
+        (r"'s torque (\d+) of", 100 * answer.get("torque", {}).get("use", 0.0)),
+        (r"torque rate ([\d,]+) of", answer.get("torque", {}).get("rate", 0.0)),
+    ):
+        for said in re.findall(pattern, text):
+            assert float(said.replace(",", "")) == pytest.approx(value, abs=0.51)
+    assert ("assumed" in text) >= bool(answer["assumed"])
+    for word in (answer["solver"]["name"], "iterations", "constraints"):
+        assert word not in text and word in plan.summary(verbose=True)
+    assert plan.summary(verbose=True).startswith(plan.summary())
+
+
 @pytest.mark.parametrize("name", PANDA)
 def test_motion_csv_keeps_every_limit_and_rests_at_both_ends(name, saved, table) -> None:
     rows = table(saved(name) / "motion.csv")
@@ -132,8 +163,11 @@ def test_the_model_of_the_tolerance_decides() -> None:
         error, apart = answer["error"][row], answer["error"][other]["position"]
         assert error["position"] <= 1e-4 < scene.tolerance.position < apart
         words = f"sliding pivot and limit surface land {1e3 * apart:.1f} mm"
-        assert words in answer["warning"] and f"warning: {words}" in plan.summary()
-    assert "warning" not in tp.plan("hand-box").to_dict()
+        assert words in answer["warning"]
+        (said,) = re.findall(r"disagree by ([\d.]+) mm", plan.summary())
+        assert float(said) == pytest.approx(1e3 * apart, abs=0.11)
+    quiet = tp.plan("hand-box")
+    assert "warning" not in quiet.to_dict() and "disagree" not in quiet.summary()
 
 
 # The command, its answer and its files.
@@ -201,6 +235,12 @@ def test_without_a_throw_it_exits_3_with_the_nearest_and_all_that_holds_it(tmp_p
     assert (nearest["y"], nearest["z"]) == (0.0, pytest.approx(0.22))
     assert 0.9 < nearest["x"] < 1.5 and nearest["theta"] == pytest.approx(-math.pi / 2, abs=0.3)
     assert nearest["error"]["position"] == pytest.approx(1.5 - nearest["x"])
+    # What is printed is short and has them, too.
+    said = run("plan cup --target 1.5 0.22 -90")
+    lines = said.out.splitlines()
+    assert said.status == 3 and len(lines) <= 8 and max(map(len, lines)) <= 110
+    assert names[0] in said.out and f"x {nearest['x']:.2f}" in said.out
+    assert "fatrop" not in said.out and len(said.err.splitlines()) == 1
     # Its files are apart, and are sent only to those who say so.
     assert {path.name for path in out.iterdir()} == {"plan.json", "nearest"}
     assert tp.read_plan(out / "nearest").landing.x == pytest.approx(nearest["x"], abs=1e-6)

@@ -99,7 +99,7 @@ def test_the_plan_says_how_often_the_object_stays_and_takes_the_throw_that_stays
     found = shallow.to_dict()["rest"]
     assert (found["rests"], found["of"]) == (shallow.rests.rests, 64)
     assert shallow.rests.rests + found["moving"] + found["missed"] <= 64
-    line = "whether it stays in the cup is not looked at; [rest] does"
+    line = "staying in the cup is not counted"
     assert line in plain.summary() and line not in shallow.summary()
 
 
