@@ -64,7 +64,7 @@ class Plan:
         return f"Plan({self.scene.name}: {self.status}, {self.message})"
 
     @cached_property
-    def verdict_on(self) -> Verdict:
+    def verdict(self) -> Verdict:
         """The limits that the throw breaks, and warnings about a solved one."""
         if self.throw is None:
             return Verdict()
