@@ -1,4 +1,4 @@
-"""Measured throws: contact parameters and calibrations fitted to them, predictions; MuJoCo replays."""
+"""Measured throws: contact parameters and corrections fitted to them; replays in MuJoCo."""
 
 from .belief import Belief, applied, contact_text, prior_of
 from .calibration import Calibrated, calibrate, conformal_region
