@@ -10,8 +10,6 @@ from .body import (
     Array,
     Body,
     Flags,
-    FlightLaw,
-    FlightState,
     HandMotion,
     HandSamples,
     HandTrack,
@@ -26,6 +24,7 @@ from .body import (
     read_only,
     sticking_state,
 )
+from .flight import FlightLaw, FlightState
 from .functions import flight, limit_surface_step, release_dynamics
 from .release import (
     BATCH_MODELS,

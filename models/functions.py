@@ -25,7 +25,8 @@ from typing import TypeVar
 import casadi as ca
 
 from .backend import Value
-from .body import Body, FlightLaw, FlightState, HandMotion, HandSamples, PinchContact
+from .body import Body, HandMotion, HandSamples, PinchContact
+from .flight import FlightLaw, FlightState
 from .release.limit_surface import ITERATIONS, LimitSurfaceStepping
 from .release.sliding_pivot import SlidingPivot, Widths
 

@@ -17,16 +17,8 @@ from pathlib import Path
 import casadi as ca
 
 from .backend import Value
-from .body import (
-    Body,
-    FlightLaw,
-    FlightState,
-    HandSamples,
-    PinchContact,
-    lowest_point,
-    pivot_wrench,
-    sticking_state,
-)
+from .body import Body, HandSamples, PinchContact, lowest_point, pivot_wrench, sticking_state
+from .flight import FlightLaw, FlightState
 from .release.cases import LOST_SLIP
 from .release.integrators import rk4_step
 from .release.limit_surface import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping

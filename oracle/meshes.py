@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from throwplan.problems.arms import load_arm
+from throwplan.problems.arm_files import load_arm
 from throwplan.robots.urdf import chain_of, link_meshes, read_urdf
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from ..models.robot import (
     placement,
     shape_overlaps,
 )
-from .arms import (
+from .arm_files import (
     TABLES,
     GripperCapsule,
     GripperData,

@@ -13,7 +13,7 @@ import numpy as np
 from ..models import Array, PinchContact, SurfaceShape
 from ..models.release import GripProfile, LinearGrip, TableGrip
 from ..models.robot import segment_distance
-from .arms import GripperData, load_gripper
+from .arm_files import GripperData, load_gripper
 from .checks import InputError, within
 from .section import UNSET, Section, from_table, optional, quantity
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from ..models import Body, FlightLaw, PinchContact
 from ..models.robot import Arm
-from .arms import arm_table, load_arm, load_gripper
+from .arm_files import arm_table, load_arm, load_gripper
 from .calibration import Calibration
 from .checks import InputError, Mistakes, checked, within
 from .grip import Contact, Grasp, Gripper, Object

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..models.release import TableGrip
 from ..models.robot import Arm
-from .arms import GripperData, arm_from, load_arm, load_gripper
+from .arm_files import GripperData, arm_from, load_arm, load_gripper
 from .checks import InputError, Mistakes, checked, within
 from .files import read_csv, shipped, shipped_text, text_of, toml_tables
 from .grip import Gripper, held_object

@@ -15,7 +15,6 @@ from ..body import (
     Array,
     Body,
     Flags,
-    FlightState,
     HandTrack,
     PinchContact,
     ReadOnly,
@@ -23,6 +22,7 @@ from ..body import (
     read_only,
     sticking_state,
 )
+from ..flight import FlightState
 from ..surface import SurfaceShape
 from ..trajectory import Throws, Trajectory
 from .grip import GripProfile

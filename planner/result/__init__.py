@@ -1,16 +1,7 @@
 """The result of planning: the plan, its files, and reading them again."""
 
 from .active_limits import CUT_SHORT, ActiveLimit, Bound, binding_words
-from .files import (
-    NEAREST,
-    PlanPath,
-    SavedThrow,
-    check_hits,
-    complete,
-    joint_samples,
-    read_plan,
-    read_samples,
-)
+from .beyond_recommended import allowed, exceeded_entries
 from .motion import Carry, SentMotion
 from .motion_files import (
     carry_entries,
@@ -23,8 +14,17 @@ from .motion_files import (
 )
 from .over_time import PHASES, Timeline, arm_points, timeline
 from .plan import Plan, Sendable, Source, plan_of, sent_motion, throw_of
+from .plan_files import (
+    NEAREST,
+    PlanPath,
+    SavedThrow,
+    check_hits,
+    complete,
+    joint_samples,
+    read_plan,
+    read_samples,
+)
 from .planned_throw import PlannedThrow
-from .recommended import allowed, exceeded_entries
 from .summary import (
     assumed_words,
     exceeded_lines,

@@ -24,7 +24,7 @@ from ..verdict import (
     motion_verdict,
     verdict_on,
 )
-from .files import joint_samples
+from .plan_files import joint_samples
 
 
 @dataclass(frozen=True, eq=False)

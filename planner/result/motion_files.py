@@ -14,8 +14,8 @@ from ...problems import InputError, Scene
 from ...problems.files import read_json
 from ...problems.scene_files import scene_from_table
 from ..throw import TICK, Manipulator, Samples, State, Throw, braked, make_manipulator
-from .files import HAND_COLUMNS, complete, read_plan, read_samples
 from .motion import Carry, SentMotion
+from .plan_files import HAND_COLUMNS, complete, read_plan, read_samples
 
 #: Version of cycle.json; `read_motion` refuses other versions.
 FORMAT = 1

@@ -16,11 +16,11 @@ from ..throw import Manipulator, Throw, torque_limits
 from ..uncertainty import DelayTolerance, RestCount, warnings
 from ..verdict import CalibratedLanding, Verdict, calibrated_landing, measures_of, verdict_on
 from .active_limits import ActiveLimit, Bound
-from .files import FILES, NEAREST, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan
+from .beyond_recommended import exceeded, exceeded_entries
 from .motion import SentMotion
 from .motion_files import read_motion, write_motion
+from .plan_files import FILES, NEAREST, PlanPath, SavedThrow, Status, entries_of, path_of, read_plan
 from .planned_throw import PlannedThrow
-from .recommended import exceeded, exceeded_entries
 from .summary import summary
 
 #: Keys of a release's times in the JSON.

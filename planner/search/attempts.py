@@ -19,7 +19,7 @@ from ..result import PlannedThrow
 from ..throw import SmoothingError, Throw, send
 from ..uncertainty import spread
 from ..verdict import Verdict, verdict_on
-from .guess import guess_of
+from .decision_vectors import guess_of
 from .nlp_cache import Budget, CompiledNlp, NlpCache, Task
 
 #: Landing error (position [m], angle [rad]) at which corrections end, or half the tolerance.

@@ -18,7 +18,7 @@ from ..result import Bound, PlannedThrow
 from ..throw import Manipulator
 from .attempts import Elastic, Exact, Outcome, attempt, quieted
 from .bounds import bound_of
-from .guess import guess_of
+from .decision_vectors import guess_of
 from .library import Library, Neighbour
 from .move import Corrector, optimum_of
 from .nlp_cache import NlpCache, Task

@@ -21,7 +21,7 @@ from ..result import PlannedThrow
 from ..throw import TICK, Samples, SmoothingError, Throw, case_of, send
 from ..verdict import verdict_on
 from .attempts import Exact, Outcome, accuracy, error_over
-from .guess import guess_of
+from .decision_vectors import guess_of
 from .library import Neighbour
 from .nlp_cache import CompiledNlp, NlpCache, Task
 

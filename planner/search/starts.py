@@ -15,7 +15,7 @@ from ..ocp import ThrowNlp
 from ..result import PlannedThrow
 from ..throw import Manipulator, column_of
 from ..verdict import lands_well
-from .guess import guess_of
+from .decision_vectors import guess_of
 from .library import landing_errors
 from .nlp_cache import Task
 from .releases import (

@@ -1,25 +1,20 @@
-"""The best of several throws to a target under the scene's uncertainty, and robust ones."""
+"""Further throws to a target, which bear the scene's uncertainty."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from ...models import Flags
 from ...problems import Nlp, Scene
 from ..ocp import CONSTANT_RATES, LEAST_LOAD, SCENARIOS
 from ..result import Plan
 from ..search import Exact, NlpCache, Task, attempt, guess_of
-from ..uncertainty import RestingThrow, sampler_of
-from ..verdict import is_as_successful
-from .results import pose_errors
-from .running import SAMPLES, SEED, judge_of, run_sweep
-from .statistics import ROUNDING, quantiles
+from ..uncertainty import sampler_of
+from .choice import Candidate, best_of, chosen
+from .running import SAMPLES, SEED
 
 #: [nlp] of robust throws: they hardly slide, so even intervals and a wide rounding are enough.
 ROBUST_NLP = Nlp(opening=8, grading=1.0, epsilon=0.03)
@@ -27,72 +22,6 @@ ROBUST_NLP = Nlp(opening=8, grading=1.0, epsilon=0.03)
 RESERVED = 0.999
 #: NLPs of one method from one throw.
 TRIES = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A throw to the target, with its success under the samples that all candidates share."""
-
-    plan: Plan
-
-    @cached_property
-    def swept(self) -> tuple[Flags, float]:
-        """Flags (N,) of the samples that succeed, and the 95 % pose error [m]; equal to
-        `sweep`'s."""
-        scene = self.plan.scene
-        sampler = sampler_of(scene, SEED)
-        judge = judge_of(self.plan, scene.tolerance.model, sampler)
-        _, _, landings = run_sweep(judge, sampler, SAMPLES)
-        nominal = judge.verdicts(judge.batch.nominal())
-        errors = pose_errors(self.plan, landings, nominal)
-        return landings.succeeds, quantiles(errors["scaled"])["95"]
-
-    @cached_property
-    def success(self) -> Flags:
-        """Flags of the samples that succeed: those of a sweep; with [rest] those (64,) that also
-        come to rest where they should."""
-        assert self.plan.throw is not None
-        if self.plan.scene.rest is None:
-            return self.swept[0]
-        return RestingThrow(self.plan.throw.deciding).stays
-
-    @property
-    def cost(self) -> tuple[float, float]:
-        """What decides among throws that succeed alike: 95 % pose error [m], then effort."""
-        assert self.plan.throw is not None
-        return max(self.swept[1], ROUNDING), self.plan.throw.effort
-
-    @property
-    def words(self) -> str:
-        """Success and 95 % pose error as text."""
-        succeeds, error = self.swept
-        size = f"{1e3 * error:.2g} mm" if math.isfinite(error) else "no landing"
-        share = f"{100 * succeeds.mean():.1f} %"
-        return f"of {SAMPLES:,} uncertain throws {share} succeed, 95 % error {size}"
-
-
-def best_of(candidates: Iterable[Candidate]) -> Candidate:
-    """The throw with the most successes; of those that tie with it (McNemar's test) the one with
-    the least 95 % pose error, then the least effort."""
-    some = list(candidates)
-    safest = max(some, key=lambda one: int(one.success.sum()))
-    return min(
-        (one for one in some if is_as_successful(one.success, safest.success)),
-        key=lambda one: one.cost,
-    )
-
-
-def choose(plans: Sequence[Plan]) -> Plan:
-    """The best of several plans to one target, with the others as its alternatives."""
-    return _chosen([Candidate(plan) for plan in plans])
-
-
-def _chosen(candidates: Sequence[Candidate]) -> Plan:
-    best = best_of(candidates)
-    others = tuple(one.plan for one in candidates if one is not best)
-    return dataclasses.replace(
-        best.plan, message=f"{best.plan.message}; {best.words}", alternatives=others
-    )
 
 
 @dataclass(frozen=True)
@@ -167,7 +96,7 @@ def hardened(
             plan = hardening.from_throw(start.plan, method)
             if plan is not None:
                 pool.append(Candidate(plan))
-    return dataclasses.replace(_chosen(pool), robust=True)
+    return dataclasses.replace(chosen(pool), robust=True)
 
 
 def robust_scene(scene: Scene) -> Scene:

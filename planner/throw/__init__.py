@@ -6,7 +6,7 @@ Nothing here knows how a throw was found; what it breaks, `planner/verdict` says
 from .batch import BatchFlights, ThrowBatch, flight_of
 from .loads import core_torques, friction_use, rest_torques, torque_limits, torque_uses
 from .manipulator import Limits, Manipulator, State, joint_limits, make_manipulator, outline
-from .sending import NO_SAMPLES, TICK, Samples, SmoothingError, braked, excesses, send
+from .sent_samples import NO_SAMPLES, TICK, Samples, SmoothingError, braked, excesses, send
 from .simulation import (
     Simulation,
     given_hand,

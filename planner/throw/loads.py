@@ -14,7 +14,7 @@ from ...models.release import Release
 from ...models.robot import PlanarArm, PlanarDynamics
 from ...problems import Scene, Torque
 from .manipulator import Manipulator
-from .sending import TICK
+from .sent_samples import TICK
 
 _dynamics = lru_cache(maxsize=8)(PlanarDynamics)
 

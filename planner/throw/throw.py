@@ -27,7 +27,7 @@ from ...models.release import (
 from ...problems import InputError, Obstacle, Pose, Scene, checked
 from .loads import load_steps
 from .manipulator import EXACT_HAND, HandError, Manipulator
-from .sending import NO_SAMPLES, Samples
+from .sent_samples import NO_SAMPLES, Samples
 
 #: Exact releases by their models' names.
 EXACT = {SLIDING_PIVOT: exact_pivot_release, STEPPED_SURFACE: exact_surface_release}

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...models.robot import Arm
 from .manipulator import Limits, State, joint_limits
-from .sending import SHARE, TICK, Excess, Samples, joint_excesses
+from .sent_samples import SHARE, TICK, Excess, Samples, joint_excesses
 
 if TYPE_CHECKING:
     import ruckig

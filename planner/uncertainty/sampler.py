@@ -26,7 +26,8 @@ def even_shares(size: int, first: int, count: int, seed: int) -> Array:
     """
     rng, numbers = np.random.default_rng(seed), np.arange(first, first + count)
     shares = np.zeros((count, size))
-    for i, base in enumerate(PRIMES[:size]):
+    for i in range(size):
+        base = PRIMES[i]
         rest, unit = numbers, 1.0
         while unit > LEAST_SHARE:
             unit /= base

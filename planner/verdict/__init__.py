@@ -4,7 +4,6 @@ This package alone decides on landing, grip, cup and clearances.
 """
 
 from .calibrated import CalibratedLanding, calibrated_landing, region_words
-from .carry import grip_use
 from .clearance import (
     BAR,
     LANDING,
@@ -27,6 +26,7 @@ from .clearance import (
     tool_speeds,
 )
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
+from .grip_in_space import grip_use
 from .in_space import (
     approach_findings,
     first_finding,

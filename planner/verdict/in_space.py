@@ -14,9 +14,9 @@ import numpy as np
 from ...models import Array
 from ...models.robot import PadMotion, segment_distance
 from ..throw import TICK, Samples, Throw, arm_excesses
-from .carry import grip_findings
 from .clearance import BAR, Clearance, SpatialScene, bar_ends, bar_radii
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
+from .grip_in_space import grip_findings
 from .motion import FLYING, NEAR, collision
 
 #: Distance [samples] of the instants by which most motions are found clear of collisions.

@@ -11,8 +11,8 @@ import pytest
 import throwplan as tp
 from builders import loud, varied
 from throwplan.models.robot import SpatialArm, segment_distance
-from throwplan.problems import arms
-from throwplan.problems.arms import load_arm, load_gripper
+from throwplan.problems import arm_files as arms
+from throwplan.problems.arm_files import load_arm, load_gripper
 
 from oracle.shapes import to_box
 

@@ -13,7 +13,7 @@ from builders import loud, varied
 from throwplan.models.robot import SpatialArm
 from throwplan.planner.throw import TICK
 from throwplan.planner.verdict import Code, measures_of, verdict_on
-from throwplan.problems import arms
+from throwplan.problems import arm_files as arms
 
 from oracle import read_oracle
 

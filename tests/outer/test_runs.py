@@ -18,7 +18,7 @@ from simulated_robot import BINDING
 from throwplan.planner.result import SentMotion
 from throwplan.planner.verdict import verdict_on
 from throwplan.problems import InputError, Obstacle
-from throwplan.problems.arms import load_arm
+from throwplan.problems.arm_files import load_arm
 from throwplan.robots import (
     Franka,
     GripperState,

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 from throwplan.cycles.job_files import jobs_names, load_jobs
-from throwplan.problems import arms
+from throwplan.problems import arm_files as arms
 from throwplan.problems.scene_files import scene_from_table
 
 #: Only what has no default: a hand that throws.

@@ -15,7 +15,7 @@ import trimesh
 import yourdfpy
 from imports import imported
 from throwplan.models.robot import Arm, SpatialArm, shape_overlaps
-from throwplan.problems.arms import load_arm, load_gripper
+from throwplan.problems.arm_files import load_arm, load_gripper
 
 from oracle.shapes import to_segment
 

@@ -11,7 +11,7 @@ from adam.numpy import KinDynComputations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from throwplan.models.robot import PlanarArm, PlanarHand, hand_motion, segment_distance
-from throwplan.problems.arms import load_arm
+from throwplan.problems.arm_files import load_arm
 
 URDF = Path(__file__).parent.parent / "data" / "panda.urdf"
 PANDA = load_arm("panda")

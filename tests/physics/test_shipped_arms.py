@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.cli import main
-from throwplan.problems.arms import load_arm
+from throwplan.problems.arm_files import load_arm
 from throwplan.robots.urdf import kinematics_difference, limits_of, link_inertias
 
 from oracle.meshes import MESHES, PACKAGES, ROBOTS, URDFS, chain_for, has_meshes, link_points
