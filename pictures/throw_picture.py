@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..models import Array, Indices
-from ..planner import Timeline, column_of, grip_words, palm_corners, timeline
+from ..planner import Timeline, column_of, measures_of, palm_corners, timeline
 from .drawings import bar_path, cup_profile, draw_bars, draw_cup
 from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, literal_texts, new_figure, own_style
 
@@ -56,7 +56,7 @@ def draw_throw(
     title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
     if short_of is not None:
         title = f"{scene.name}: the throw found that lands nearest to {short_of.words}\n"
-    title += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n{grip_words(throw)}"
+    title += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n{_grip_words(throw)}"
     figure = new_figure(12.5, 7.8, title)
     halves = figure.add_gridspec(1, 2, width_ratios=(1.7, 1))
     grid = halves[1].subgridspec(4, 1, height_ratios=(1.4, 1, 1, 1))
@@ -124,6 +124,17 @@ def _flight_words(throw: Throw) -> str:
     return (
         f"leaves the hand at {np.hypot(v_x, v_z):.2f} m/s, turning {omega:.1f} rad/s; "
         f"flies {1e3 * flight:.0f} ms, {abs(ends[1] - ends[0]) / (2 * np.pi):.2f} turns"
+    )
+
+
+def _grip_words(throw: Throw) -> str:
+    """Largest use of the grip's friction, the rest, and the scene's reserve, as text."""
+    measures, reserve = measures_of(throw), throw.scene.gripper.sticking_margin
+    use, time = measures.value("grip")[0], measures.time("grip")[0]
+    left = f"{100 * (1 - use):.0f} % are left, {100 * reserve:g} % are asked for"
+    return (
+        f"grip: at most {100 * use:.0f} % of its friction limit before the opening, at "
+        f"{time:.2f} s; {left}"
     )
 
 

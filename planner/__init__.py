@@ -114,7 +114,6 @@ from .verdict import (
     first_finding,
     flight_findings,
     flight_gaps,
-    grip_words,
     held_bar,
     held_verdict,
     lowest_of_bar,

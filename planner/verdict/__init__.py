@@ -36,6 +36,6 @@ from .in_space import (
     obstacles_hit,
 )
 from .landing import lands_well
-from .measures import Measures, grip_words, measures_of
+from .measures import Measures, measures_of
 from .motion import FLYING, collision, held_verdict
 from .verdicts import Judge, Verdicts, is_as_successful, outside_tolerance, verdict_on

@@ -127,14 +127,3 @@ def _thrown(throw: Throw, flights: BatchFlights) -> Array:
         cup_x,
     )
     return np.hstack([np.column_stack(numbers), flights.start, flights.error])
-
-
-def grip_words(throw: Throw) -> str:
-    """Largest use of the grip's friction, the rest, and the scene's reserve, as text."""
-    measures, reserve = measures_of(throw), throw.scene.gripper.sticking_margin
-    use, time = measures.value("grip")[0], measures.time("grip")[0]
-    left = f"{100 * (1 - use):.0f} % are left, {100 * reserve:g} % are asked for"
-    return (
-        f"grip: at most {100 * use:.0f} % of its friction limit before the opening, at "
-        f"{time:.2f} s; {left}"
-    )
