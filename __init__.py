@@ -30,6 +30,7 @@ from .planner.sweep import sweep
 from .problems import (
     Calibration,
     Choice,
+    Constraint,
     Contact,
     Cost,
     Cup,
@@ -68,6 +69,7 @@ except PackageNotFoundError:  # run from a checkout that is not installed
 __all__ = [
     "Calibration",
     "Choice",
+    "Constraint",
     "Contact",
     "Cost",
     "Cup",

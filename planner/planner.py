@@ -6,13 +6,13 @@ import dataclasses
 import functools
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from threading import RLock
 from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unpack, get_args
 
-from ..problems import Cost, InputError, Pose, Scene, checked
+from ..problems import Constraint, Cost, InputError, Pose, Scene, checked
 from ..problems.scene_files import as_scene
 from ..workers import Progress, executor_of
 from .interception import intercept
@@ -74,7 +74,9 @@ class Planner:
     """Plans throws of one scene; builds its NLP once and solves for many targets.
 
     scene: a `Scene`, a built-in name or a TOML file. library: whether plans start from the
-    scene's solved throws in the cache (see `prepare`).
+    scene's solved throws in the cache (see `prepare`); they do not with constraints. constraints:
+    of one's own, each a `Constraint`. solver_options: of the NLPs' solver, by its own names, such
+    as {"tol": 1e-9}; see the manuals of FATROP and IPOPT.
 
     Any thread may call any method; those that solve wait for each other, and the wait is no part of
     a plan's patience. To plan in parallel, use a planner per thread or process. A copy, or one that
@@ -85,10 +87,21 @@ class Planner:
     object at rest in any permitted start pose.
     """
 
-    def __init__(self, scene: Scene | str | Path, *, library: bool = True) -> None:
+    def __init__(
+        self,
+        scene: Scene | str | Path,
+        *,
+        library: bool = True,
+        constraints: Sequence[Constraint] = (),
+        solver_options: Mapping[str, Any] | None = None,
+    ) -> None:
         start = time.perf_counter()
         self._lock = RLock()
         scene = as_scene(scene)
+        if constraints:
+            own = tuple(checked("constraints", one, Constraint, {}) for one in constraints)
+            scene, library = scene.changed(constraints=scene.constraints + own), False
+        self._options = dict(solver_options or {})
         self.scene = scene
         self.manipulator = make_manipulator(scene)
         # Obstacles stand in the base frame, tables and libraries in the throw's own plane.
@@ -97,13 +110,16 @@ class Planner:
         scene.check_target_in_cup()
         # The floor alone: no target moves it.
         check_obstacles(scene, self.manipulator)
-        self.problems = NlpCache(scene, self.manipulator)
+        self.problems = NlpCache(scene, self.manipulator, self._options)
         self._context = SearchContext(self.problems, self.releases, library)
         self._build_time = time.perf_counter() - start
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy is built anew from the scene."""
-        return functools.partial(type(self), library=self._context.keep), (self.scene,)
+        make = functools.partial(
+            type(self), library=self._context.keep, solver_options=self._options
+        )
+        return make, (self.scene,)
 
     @_alone
     def plan(
@@ -283,7 +299,7 @@ class Planner:
     @functools.cached_property
     def _in_motion(self) -> SearchContext:
         """The context of throws from a state of motion, which have NLPs of their own."""
-        problems = NlpCache(self.problems.scene, self.manipulator)
+        problems = NlpCache(self.problems.scene, self.manipulator, self._options)
         return dataclasses.replace(self._context, problems=problems)
 
     @functools.cached_property
@@ -293,12 +309,12 @@ class Planner:
         if scene.weights.usual:
             return self.problems
         usual = Cost(quiet=scene.weights.quiet)
-        return NlpCache(scene.changed(cost=usual, choice=None), self.manipulator)
+        return NlpCache(scene.changed(cost=usual, choice=None), self.manipulator, self._options)
 
     @functools.cached_property
     def _robust_problems(self) -> NlpCache:
         """The NLPs of robust plans."""
-        return NlpCache(robust_scene(self.scene), self.manipulator)
+        return NlpCache(robust_scene(self.scene), self.manipulator, self._options)
 
     def _wanted(self, alternatives: int) -> int:
         """Number of distinct throws to find before one is chosen."""

@@ -30,6 +30,7 @@ from .arm_files import (
 )
 from .calibration import Calibration
 from .checks import InputError, Mistakes, ThrowplanError, checked, within
+from .constraint import Constraint
 from .files import (
     copy_out,
     csv_lines,

@@ -19,6 +19,7 @@ from ..models.robot import Arm
 from .arm_files import arm_table, load_arm, load_gripper
 from .calibration import Calibration
 from .checks import InputError, Mistakes, checked, within
+from .constraint import Constraint
 from .grip import Contact, Grasp, Gripper, Object
 from .manipulators import Hand, Motion, Robot, Torque, check_torque, thrown_by
 from .poses import Pose
@@ -41,7 +42,8 @@ UNBOUNDED = Workspace()
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Scene(Section):
-    """A scene. `file` is its origin, for messages; `arm` has the robot's data.
+    """A scene. `file` is its origin, for messages; `arm` has the robot's data;
+    `constraints` are a user's own.
 
     Sections are given by their names: ``Scene(name="mine", object=Object(...), ...)``; a section
     that is None adds nothing. `replace` makes a variant.
@@ -75,6 +77,7 @@ class Scene(Section):
     nlp: Nlp = dataclasses.field(default_factory=Nlp)
     arm: Arm | None = None
     file: str = ""
+    constraints: tuple[Constraint, ...] = ()
 
     def __repr__(self) -> str:
         """One line; `table` has all values."""

@@ -10,7 +10,7 @@ import contextlib
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +21,7 @@ import numpy as np
 
 from ...interrupts import interrupts_deferred
 from ...models import Array, ReadOnly
+from ...problems import InputError
 from .assembly import Nlp, nlp_functions
 
 
@@ -168,12 +169,13 @@ class WarmStart:
 class Solver:
     """One NLP with its functions, for FATROP or IPOPT.
 
-    name: "fatrop" or "ipopt".
+    name: "fatrop" or "ipopt". options: a user's, of this solver, in place of the usual ones.
     """
 
-    def __init__(self, nlp: Nlp, name: str) -> None:
+    def __init__(self, nlp: Nlp, name: str, options: Mapping[str, Any] | None = None) -> None:
         self.nlp = nlp
         self.name = name
+        self._options = options or {}
         self._kinds = nlp.kinds
         self._plugins: dict[Barrier, ca.Function] = {}
         self._make_functions()
@@ -211,6 +213,11 @@ class Solver:
                 result, stats = self._call(barrier, arguments, end - time.perf_counter())
             except TimeLimitError:
                 return Solution.none(x)
+            except (RuntimeError, NotImplementedError) as error:
+                if not self._options:
+                    raise
+                given = ", ".join(f"{key} = {value!r}" for key, value in self._options.items())
+                raise InputError(f"solver_options: {given}: refused by {self.name}") from error
             iterations += int(stats.get("iter_count", 0))
             if stats["success"]:
                 break
@@ -253,7 +260,7 @@ class Solver:
             "show_eval_warnings": False,
             "calc_lam_p": False,
             "cache": self._functions,
-            self.name: settings | {"max_iter": barrier.max_iterations},
+            self.name: settings | {"max_iter": barrier.max_iterations} | dict(self._options),
         }
         if self.name == "fatrop":
             options |= {"structure_detection": "manual", "N": len(self.nlp.links) - 1}

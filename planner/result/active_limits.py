@@ -52,7 +52,7 @@ class ActiveLimit:
     def of(cls, limit: str) -> ActiveLimit:
         """That of a limit's name, such as "joint 4 velocity"."""
         ends = (name for name in sorted(ADVICE, key=len, reverse=True) if limit.endswith(name))
-        key, advice = ADVICE.get(next(ends, ""), ("", ""))
+        key, advice = ADVICE.get(next(ends, ""), ("", "wider bounds of it"))
         if limit.startswith("hand "):
             key = key.replace("[limits]", "[hand]")
         return cls(limit, key, advice)

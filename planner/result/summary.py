@@ -272,7 +272,11 @@ def exceeded_lines(found: Mapping[str, tuple[float, float]], may: str = "") -> I
 
 
 def unchecked_words(scene: Scene) -> str:
-    """What of an arm is not checked for want of data, and what to do; empty where all is."""
+    """What is not checked, constraints of one's own or parts of an arm, and what to do; empty where
+    all is."""
+    unknown = [one.name for one in scene.constraints if one.check is None]
+    if unknown:
+        return f"not checked: {', '.join(unknown)} (give each constraint a check)"
     arm = scene.arm
     if scene.robot is None or arm is None:
         return ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -121,17 +121,21 @@ _Kind = tuple[tuple[bool, ...], frozenset[str], frozenset[str], bool, str, bool]
 
 @dataclass(frozen=True, eq=False)
 class NlpCache:
-    """NLPs and solvers of one scene by target and refinement, built when first needed."""
+    """NLPs and solvers of one scene by target and refinement, built when first needed.
+
+    options: a user's, of the solvers.
+    """
 
     scene: Scene
     manipulator: Manipulator
+    options: Mapping[str, Any] = field(default_factory=dict)
     _nlps: dict[_Kind, ThrowNlp] = field(default_factory=dict)
     _solvers: dict[tuple[_Kind, str], Solver] = field(default_factory=dict)
     _shared: dict[str, Any] = field(default_factory=dict)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy builds its NLPs anew: CasADi's expressions cannot be copied."""
-        return NlpCache, (self.scene, self.manipulator)
+        return NlpCache, (self.scene, self.manipulator, self.options)
 
     def from_state(self, manipulator: Manipulator) -> NlpCache:
         """The NLPs, shared with these, for a manipulator that begins in another state of motion."""
@@ -159,7 +163,7 @@ class NlpCache:
         kind, nlp = (_kind(request), solver), self.nlp(request, budget)
         if kind not in self._solvers:
             with budget("build"):
-                self._solvers[kind] = Solver(nlp, solver)
+                self._solvers[kind] = Solver(nlp, solver, self.options)
         return CompiledNlp(nlp, self._solvers[kind], nlp.bounds(request))
 
 

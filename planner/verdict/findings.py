@@ -93,6 +93,7 @@ class Code(Enum):
         "are unlike the throws of [calibration]",
         "measure throws like this one and calibrate again",
     )
+    OWN = "constraint", "break a constraint of the planner's own", "wider bounds of the constraint"
     UNCERTAIN = "uncertain", "use up a reserve", "the reserve that the finding names"
 
     def __new__(cls, name: str, fate: str, cure: str) -> Code:

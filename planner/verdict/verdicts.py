@@ -48,7 +48,22 @@ def verdict_on(
     if sent is not None and throw.lands:
         uses = _tool_speed(sent, measures_of(sent))
         findings += [found for use in uses for found in _finding(use, 0)]
+    findings += own_findings(commanded)
     return Verdict(tuple(findings), cup=throw.scene.cup is not None)
+
+
+def own_findings(throw: Throw) -> Iterator[Finding]:
+    """What a throw breaks of the planner's own constraints, by their checks."""
+    for one in throw.scene.constraints:
+        if one.check is None or not throw.lands:
+            continue
+        values = np.atleast_1d(np.asarray(one.check(throw), float))
+        beyond = np.maximum(one.low - values, values - one.high)
+        worst = int(np.nan_to_num(beyond, nan=np.inf).argmax())
+        value, limit = values[worst], one.low if values[worst] < one.low else one.high
+        if not beyond[worst] <= 0.0:
+            words = f"{one.name} is {value:.4g}, must be {one.low:g} to {one.high:g}"
+            yield Finding(Code.OWN, float(value), limit, body=one.name, note=words)
 
 
 def outside_tolerance(tolerance: Tolerance, dx: float, dtheta: float) -> list[Finding]:

@@ -5,7 +5,7 @@ A new constraint is a subclass of `SceneConstraint` in a file of this folder and
 """
 
 from ..scene_constraint import SceneConstraint
-from . import arm_limits, landing, obstacles, robust, workspace
+from . import arm_limits, landing, obstacles, own, robust, workspace
 
 TERMS: list[type[SceneConstraint]] = [
     arm_limits.SlowingLimits,
@@ -19,6 +19,7 @@ TERMS: list[type[SceneConstraint]] = [
     landing.SoftLanding,
     landing.LatestArrival,
     obstacles.CollisionAvoidance,
+    own.Own,
     robust.Quiet,
     robust.LandingVariance,
     robust.Scenarios,

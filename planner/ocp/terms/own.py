@@ -1,0 +1,42 @@
+"""Constraints of a user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Self
+
+import casadi as ca
+
+from ....problems import Constraint
+from ..request import Request
+from ..scene_constraint import Flight, Instant, SceneConstraint
+from ..transcription import Scope
+
+
+@dataclass(frozen=True)
+class Own(SceneConstraint):
+    """The constraints with which the planner was made."""
+
+    constraints: tuple[Constraint, ...] = ()
+
+    @classmethod
+    def of(cls, request: Request) -> Self | None:
+        """For a planner with some."""
+        return cls({}, own) if (own := request.scene.constraints) else None
+
+    def at_instant(self, at: Instant) -> None:
+        """Those of the hand."""
+        for one in self.constraints:
+            if one.at_instant is not None:
+                _add(one, at, one.at_instant)
+
+    def in_flight(self, flight: Flight) -> None:
+        """Those of the flight."""
+        for one in self.constraints:
+            if one.in_flight is not None:
+                _add(one, flight, one.in_flight)
+
+
+def _add(one: Constraint, at: Scope, value: Callable[[Any], Any]) -> None:
+    at.subject_to(one.name, ca.SX(value(at)), one.low + one.margin, one.high - one.margin)
