@@ -147,7 +147,7 @@ def test_a_planner_of_one_s_own_lands_where_the_exact_model_does(monkeypatch) ->
             times=tuple(times),
             accelerations=tuple(map(tuple, pulls)),
         ),
-        target=tp.Target(x=target[0], z=target[1]),
+        target=tp.Pose(x=target[0], z=target[1]),
     )
     hand = Trajectory.stepping(pose, twist, times, pulls)
     held = Body(**own["bar"]), PinchContact(**own["pads"]), LinearGrip(grip, 0.0, opening), hand
