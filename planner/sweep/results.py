@@ -102,6 +102,7 @@ class Sweep(ReadOnly):
             "in_tolerance": _rate(self.landings.in_tolerance),
             "in_cup": None if scene.cup is None else _rate(self.landings.in_cup),
             **self._rest_entries(),
+            **({"not_checked": [one.name for one in own]} if (own := scene.constraints) else {}),
             "held": _rate(self.landings.sticks),
             "broken": {code.value: share for code, share in self.landings.failures.items()},
             "nominal": {"x": x, "theta": theta},

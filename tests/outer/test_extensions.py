@@ -1,0 +1,86 @@
+"""What a user adds from a script fails here if the NLP, the verdict or the words leave it out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import throwplan as tp
+
+#: Height [m] that the flight of `pose` exceeds if nothing forbids it.
+CEILING = 0.9
+
+
+def top(throw: Any) -> float:
+    """The top of a flight [m], from samples of it."""
+    law, start = throw.scene.flight, throw.deciding.landing.start
+    return float(law.after(start, np.linspace(0.0, 1.0, 2001)).z.max())
+
+
+def planned(**options: Any) -> tp.Plan:
+    return tp.Planner("hand-box", library=False, **options).plan()
+
+
+def ceiling(**options: Any) -> tp.Constraint:
+    return tp.Constraint(
+        "ceiling", in_flight=lambda flight: flight.ocp.flight.apex(flight.start).z, **options
+    )
+
+
+def test_a_constraint_of_one_s_own_is_kept_and_checked(plan_of) -> None:
+    assert top(plan_of("pose").throw.deciding) > CEILING + 0.1
+    own = ceiling(high=CEILING, margin=0.005, check=top)
+    plan = tp.Planner("pose", constraints=[own]).plan()
+    assert plan.solved and top(plan.throw.deciding) <= CEILING
+    path, detach = plan.path(), plan.to_dict()["release"]["detach_time"]
+    assert path.poses[path.times >= detach, 1].max() <= CEILING
+    assert "ceiling" not in plan.summary()
+    assert tp.sweep(plan, samples=8).to_dict()["not_checked"] == ["ceiling"]
+
+
+def test_a_throw_that_breaks_its_check_is_no_answer() -> None:
+    """Also where the expression for the NLP says something else."""
+    wrong = tp.Constraint("ceiling", in_flight=lambda f: f.start.x, low=-9, high=CEILING, check=top)
+    plan = tp.Planner("pose", constraints=[wrong]).plan(patience=5.0)
+    assert not plan.solved or top(plan.throw.deciding) <= CEILING
+
+
+def test_a_constraint_without_a_check_is_named(plan_of) -> None:
+    plan = tp.Planner("pose", constraints=[ceiling(high=CEILING)]).plan()
+    assert plan.solved and "not checked: ceiling" in plan.summary()
+
+
+def test_a_constraint_on_the_hand_is_kept_at_every_instant() -> None:
+    """The hand of `hand-box` stays on one side of a plane."""
+    free = tp.Planner("hand-box").plan()
+    bound = float(free.path().hand[:, 0].max()) - 0.02
+    inside = tp.Constraint("side", at_instant=lambda at: at.hand[0][0], high=bound, margin=1e-3)
+    kept = tp.Planner("hand-box", constraints=[inside]).plan()
+    times, opening = kept.path().times, kept.to_dict()["release"]["detach_time"]
+    assert kept.solved and kept.path().hand[times <= opening, 0].max() <= bound
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: tp.Constraint("", in_flight=top, high=1.0), "constraint name"),
+        (lambda: tp.Constraint("a", high=1.0), "in_flight"),
+        (ceiling, "low = -inf"),
+        (lambda: ceiling(low=1.0, high=0.5), "high = 0.5"),
+        (lambda: ceiling(high=math.nan), "high = nan"),
+        (lambda: ceiling(high=1.0, margin=-1.0), "margin = -1"),
+        (lambda: tp.Planner("hand-box", constraints=["a"]), "constraints = 'a'"),
+        (lambda: planned(solver_options={"tolerance": 1}), "solver_options: tolerance = 1"),
+    ],
+)
+def test_wrong_extensions_are_refused(make, words) -> None:
+    with pytest.raises(tp.InputError, match=rf"^[^\n]*{words}[^\n]*$"):
+        make()
+
+
+def test_options_reach_the_solver() -> None:
+    """With one iteration no solve succeeds."""
+    assert planned(solver_options={"tol": 1e-9}).solved
+    assert not planned(solver_options={"max_iter": 1}).solved
