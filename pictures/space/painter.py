@@ -39,7 +39,7 @@ ZOOM = 1.15
 
 
 @dataclass(eq=False)
-class Node:
+class Actor:
     """A shape or frame of the scene; position and wxyz are in the frame its name lies in."""
 
     name: str
@@ -79,19 +79,19 @@ class Painter:
                 "pictures in 3-D need OpenGL: on Debian and Ubuntu the package libegl1"
             )
         self._plotter.enable_anti_aliasing("msaa", multi_samples=8)
-        self._nodes = dict[str, Node]()
+        self._nodes = dict[str, Actor]()
 
     @property
     def scene(self) -> Painter:
         """The scene: the painter itself."""
         return self
 
-    def add_frame(self, name: str, show_axes: bool = False) -> Node:
+    def add_frame(self, name: str, show_axes: bool = False) -> Actor:
         """Add a frame that other nodes are placed in."""
-        self._nodes[name] = Node(name)
+        self._nodes[name] = Actor(name)
         return self._nodes[name]
 
-    def add_box(self, name: str, color: Any, dimensions: Any, **look: Any) -> Node:
+    def add_box(self, name: str, color: Any, dimensions: Any, **look: Any) -> Actor:
         """Add a box of three sides [m]."""
         x, y, z = dimensions
         box = self._pv.Cube(x_length=x, y_length=y, z_length=z)
@@ -99,7 +99,7 @@ class Painter:
 
     def add_cylinder(
         self, name: str, radius: float, height: float, color: Any, **look: Any
-    ) -> Node:
+    ) -> Actor:
         """Add a cylinder about z [m]."""
         axis = (0.0, 0.0, 1.0)
         body = self._pv.Cylinder(direction=axis, radius=radius, height=height, resolution=48)
@@ -107,21 +107,21 @@ class Painter:
 
     def add_icosphere(
         self, name: str, radius: float, color: Any, subdivisions: int = 2, **look: Any
-    ) -> Node:
+    ) -> Actor:
         """Add a ball [m]."""
         return self._add(name, self._pv.Icosphere(radius, nsub=subdivisions), color, **look)
 
     def add_mesh_simple(
         self, name: str, vertices: Array, faces: Array, color: Any, side: str = "", **look: Any
-    ) -> Node:
+    ) -> Actor:
         """Add triangles: vertices (N, 3) [m] and their indices (M, 3)."""
         return self._add(name, self._pv.PolyData.from_regular_faces(vertices, faces), color, **look)
 
-    def _add(self, name: str, mesh: Any, color: Any, **look: Any) -> Node:
+    def _add(self, name: str, mesh: Any, color: Any, **look: Any) -> Actor:
         look = {key: value for key, value in look.items() if not key.endswith("shadow")}
         smooth = {"smooth_shading": True, "split_sharp_edges": True}
         actor = self._plotter.add_mesh(mesh, name=name, ambient=0.3, **smooth)
-        self._nodes[name] = Node(name, actor, color, **look)
+        self._nodes[name] = Actor(name, actor, color, **look)
         return self._nodes[name]
 
     def add_grid(
@@ -151,7 +151,7 @@ class Painter:
         actor = self._plotter.add_mesh(
             lines, name=name, line_width=width, render_lines_as_tubes=True, **colours
         )
-        self._nodes[name] = Node(name, actor)
+        self._nodes[name] = Actor(name, actor)
 
     def add_label(self, name: str, text: str, anchor: str, position: Any) -> None:
         """Add a text to the right of a point."""

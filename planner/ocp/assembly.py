@@ -20,7 +20,7 @@ import numpy as np
 
 from ...models import Array
 from .stage_functions import Shared, StageFunctions, substitute_lifted
-from .stages import Block, Layout, Parameters, Stage, Structure
+from .stages import Block, Layout, NlpStructure, Parameters, Stage
 
 #: Largest multiplier in the Lagrangian's Hessian; those of solutions are far below. From larger
 #: ones FATROP 1.1 finds no regularisation at which a factorisation succeeds, and never returns.
@@ -48,7 +48,7 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Nlp(Layout):
+class StagedNlp(Layout):
     """An assembled NLP.
 
     x, p: symbols of variables and parameters; row_names, lbg, ubg: one entry per row of g; landing:
@@ -93,12 +93,12 @@ class Nlp(Layout):
 
 
 def assemble(
-    structure: Structure,
+    structure: NlpStructure,
     stages: list[Stage],
     parameters: Parameters,
     landing: ca.SX,
     shared: Shared,
-) -> Nlp:
+) -> StagedNlp:
     """The NLP of a chain of stages, in block order.
 
     Stages may share a kind. landing: expression in the variables of the stage at detach. shared:
@@ -138,7 +138,7 @@ def assemble(
     names, low, high = zip(*rows, strict=True)
     bounds = np.array(low), np.array(high)
     size = end, len(rows)
-    return Nlp(structure, blocks, size, x, p, parameters, links, list(names), *bounds, landed)
+    return StagedNlp(structure, blocks, size, x, p, parameters, links, list(names), *bounds, landed)
 
 
 def _ahead(links: list[Link]) -> ca.DM:
@@ -149,7 +149,7 @@ def _ahead(links: list[Link]) -> ca.DM:
     return ca.DM.triplet(rows, columns, ca.DM.ones(len(rows)), last.rows.stop, last.v.stop)
 
 
-def nlp_functions(nlp: Nlp, solver: str) -> dict[str, ca.Function]:
+def nlp_functions(nlp: StagedNlp, solver: str) -> dict[str, ca.Function]:
     """The functions of a solver plug-in, by its names; they replace those it derives itself."""
     x, p, ahead = nlp.x, nlp.p, _ahead(nlp.links)
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.size[1])

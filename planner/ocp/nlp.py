@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, Trajectory
-from .assembly import Nlp, assemble
+from .assembly import StagedNlp, assemble
 from .problem import ThrowProblem, variable_bounds
 from .request import Request, Weights
 from .scene_constraint import BRAKE_SHARE, SceneConstraint
 from .solver import Solution
 from .stage_functions import Shared
-from .stages import JERK_UNIT, SLACKS, Block, Structure
+from .stages import JERK_UNIT, SLACKS, Block, NlpStructure
 from .terms import TERMS
 from .transcription import UNITS, Ocp, grip_instants
 
@@ -34,7 +34,7 @@ BROKEN = 1e-3
 
 
 @dataclass(frozen=True)
-class ThrowNlp(Nlp):
+class ThrowNlp(StagedNlp):
     """The NLP of a throw, with the constraints of its scene.
 
     request: that it was built for; all requests that it serves have its nodes.
@@ -168,7 +168,7 @@ def build_nlp(request: Request, shared: Shared | None = None) -> ThrowNlp:
     scene, manipulator, window = request.scene, request.manipulator, request.window
     constraints = _constraints_of(request)
     turns = any(constraint.turns for constraint in constraints)
-    structure = Structure(
+    structure = NlpStructure(
         carry=scene.nlp.carry,
         opening=len(request.opening_nodes) - 1,
         early=0 if window is None else window.early,

@@ -22,7 +22,7 @@ import numpy as np
 from ...interrupts import interrupts_deferred
 from ...models import Array, ReadOnly
 from ...problems import InputError
-from .assembly import Nlp, nlp_functions
+from .assembly import StagedNlp, nlp_functions
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ class Solver:
     name: "fatrop" or "ipopt". options: a user's, of this solver, in place of the usual ones.
     """
 
-    def __init__(self, nlp: Nlp, name: str, options: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, nlp: StagedNlp, name: str, options: Mapping[str, Any] | None = None) -> None:
         self.nlp = nlp
         self.name = name
         self._options = options or {}

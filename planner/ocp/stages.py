@@ -33,7 +33,7 @@ JERK_UNIT = 1000.0
 
 
 @dataclass(frozen=True)
-class Structure:
+class NlpStructure:
     """The sizes and options of an NLP; numbers of a scene are parameters.
 
     carry, early, opening, late: numbers of intervals of the phases. instants: parts of a carry
@@ -121,7 +121,7 @@ class Layout:
     blocks: (block, stage, slice of x); size: (variables, constraints).
     """
 
-    structure: Structure
+    structure: NlpStructure
     blocks: list[tuple[Block, int, slice]]
     size: tuple[int, int]
 

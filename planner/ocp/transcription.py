@@ -33,11 +33,11 @@ from .stages import (
     REL,
     Block,
     Constraints,
+    NlpStructure,
     Parameters,
     Q,
     Row,
     Stage,
-    Structure,
     T,
 )
 
@@ -55,7 +55,7 @@ Hand = tuple[list[ca.SX], list[ca.SX], HandMotion]
 class Ocp:
     """An optimal control problem during its declaration."""
 
-    def __init__(self, structure: Structure, manipulator: Manipulator) -> None:
+    def __init__(self, structure: NlpStructure, manipulator: Manipulator) -> None:
         self.structure = structure
         self.n, self.names = manipulator.size, manipulator.joints
         self.kinematics, self.capsules = manipulator.kinematics, manipulator.capsules
