@@ -126,7 +126,7 @@ class SplineMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class MotionConstraint:
+class Limit:
     """A limit on a motion at its samples `at`, P of them.
 
     of: its use (P,) by the first `orders` of joints, rates and accelerations, each (n, P), and, of
@@ -177,7 +177,7 @@ def constraints_of(
     sent: SplineMotion,
     measured: SplineMotion,
     detach: Array,
-) -> Iterator[MotionConstraint]:
+) -> Iterator[Limit]:
     """All nonlinear limits of a motion that is to throw as a plan does.
 
     times (N,) [s] of both motions; detach (6,): the CoM's pose and twist when the pads are open.
@@ -191,7 +191,7 @@ def constraints_of(
         hand = HandSamples(place[0], *manipulator.motion(place, rate, turn))
         return friction_use(scene, hand) / LIMITS.force_share
 
-    yield MotionConstraint(grip, measured, slice(0, grips, LIMITS.spacing // 2), 3)
+    yield Limit(grip, measured, slice(0, grips, LIMITS.spacing // 2), 3)
     if torque_limits(scene) is not None:
 
         def torque(place: Array, rate: Array, turn: Array) -> Array:
@@ -199,20 +199,16 @@ def constraints_of(
             uses = torque_uses(scene, manipulator, path, opening_time)
             return np.asarray(uses[:: LIMITS.spacing].max(axis=1) / LIMITS.force_share)
 
-        yield MotionConstraint(torque, measured, every, 3)
+        yield Limit(torque, measured, every, 3)
     for at, holding in (
         (slice(0, opened, LIMITS.spacing), True),
         (slice(opened, None, LIMITS.spacing), False),
     ):
-        yield MotionConstraint(
-            partial(_carried, scene, manipulator, times[at], holding), measured, at, 1
-        )
+        yield Limit(partial(_carried, scene, manipulator, times[at], holding), measured, at, 1)
     yield from _flights(plan, times, opened, measured, detach)
 
 
-def _speeds(
-    scene: Scene, manipulator: Manipulator, sent: SplineMotion
-) -> Iterator[MotionConstraint]:
+def _speeds(scene: Scene, manipulator: Manipulator, sent: SplineMotion) -> Iterator[Limit]:
     """Limits on the tool's speed, and on joint speeds where these depend on the position."""
     every, limits = slice(None, None, LIMITS.spacing), manipulator.hard
     if scene.arm is not None and scene.tool_speed is not None:
@@ -222,7 +218,7 @@ def _speeds(
             pose, twist, _ = manipulator.motion(place, rate, 0 * rate)
             return np.asarray(tool_speeds(tool, pose, twist) / tool_speed)
 
-        yield MotionConstraint(speed, sent, every, 2)
+        yield Limit(speed, sent, every, 2)
     if limits.slowing is not None:
 
         def slowing(joint: int, place: Array, rate: Array) -> Array:
@@ -232,7 +228,7 @@ def _speeds(
             return np.asarray(1 - distance[:, joint])
 
         for joint in range(manipulator.size):
-            yield MotionConstraint(partial(slowing, joint), sent, every, 2)
+            yield Limit(partial(slowing, joint), sent, every, 2)
 
 
 def _carried(
@@ -256,7 +252,7 @@ def _carried(
 
 def _flights(
     plan: Throw, times: Array, opened: int, measured: SplineMotion, detach: Array
-) -> Iterator[MotionConstraint]:
+) -> Iterator[Limit]:
     """Limits on the landing, and on the clearances of the flying bar."""
     scene, manipulator, target = plan.scene, plan.manipulator, plan.target
     arm, obstacles, column = scene.arm, CollisionScene.of(scene, manipulator), column_of(scene)
@@ -271,9 +267,7 @@ def _flights(
 
     for side in (-1, 1):
         for which in (0, 1):
-            yield MotionConstraint(
-                partial(landing_use, side, which), measured, slice(0, 1), 0, (detach,)
-            )
+            yield Limit(partial(landing_use, side, which), measured, slice(0, 1), 0, (detach,))
     lasts = scene.flight.land(detach[None], target.z)[0, 2]
     if not math.isfinite(lasts):
         return
@@ -291,7 +285,7 @@ def _flights(
             clearance = np.minimum(clearance, column_distance(scene.object, com, *column))
         return 1 - (clearance - LIMITS.margin) / LIMITS.free
 
-    yield MotionConstraint(depth, measured, at, 1, (detach,))
+    yield Limit(depth, measured, at, 1, (detach,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -435,7 +429,7 @@ class LearningControl:
         between[: n * len(q)] = (middle / half).repeat(len(q))
         return rows, between - LIMITS.share, between + LIMITS.share
 
-    def _constraints(self, point: Array) -> list[MotionConstraint]:
+    def _constraints(self, point: Array) -> list[Limit]:
         """The limits that are not linear in the coefficients."""
         rows = np.broadcast_to(self.basis[:, None], self.reach.shape)
         sent, measured = (
