@@ -371,7 +371,7 @@ def sweep(options: argparse.Namespace) -> int:
     samples, seed = options.samples, options.seed
     saved = _saved_plan(options)
     scene = _scene(options.scene) if saved is None else saved.scene
-    model = options.model or scene.tolerance.model
+    model = options.model or scene.deciding_model
     check_sweep(samples, seed, model, "--")
     target = target_of(scene, options) if saved is None else None
     with executor_of(options.workers, options.scheduler) as executor:

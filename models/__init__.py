@@ -35,6 +35,7 @@ from .release import (
     ReleaseBatch,
     ReleaseCase,
     ReleaseModel,
+    SlidingPivot,
     TableGrip,
     chunks,
 )
@@ -60,9 +61,9 @@ __all__ = [
     "Release",
     "ReleaseBatch",
     "ReleaseCase",
+    "SlidingPivot",
     "TableGrip",
     "Trajectory",
-    "chunks",
     "flight",
     "limit_surface_step",
     "low_pass",

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..models import MODELS, Array
-from ..planner import OUTER, Sweep, delay_band, tornado, unit_of
+from ..models import Array
+from ..planner import OUTER, Sweep, delay_band, release_model, tornado, unit_of
 from .style import BLACK, BLUE, GREEN, GREY, RED, new_figure, own_style
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ MIN_SPAN = 0.02
 
 def _title(sweep: Sweep, words: str) -> str:
     """Title of a picture: scene, contents, number of throws, release model."""
-    throws = f"{sweep.samples:,} throws, {MODELS[sweep.batch.model].title}"
+    throws = f"{sweep.samples:,} throws, {release_model(sweep.plan.scene, sweep.batch.model).title}"
     return f"{sweep.label}: {words} ({throws})"
 
 

@@ -92,6 +92,7 @@ from .throw import (
     outline,
     planar_joints,
     recorded_joints,
+    release_model,
     simulate,
     simulate_batch,
     torque_limits,

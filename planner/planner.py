@@ -12,6 +12,7 @@ from pathlib import Path
 from threading import RLock
 from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unpack, get_args
 
+from ..models.release import MODELS, SlidingPivot
 from ..problems import Constraint, Cost, InputError, Pose, Scene, checked
 from ..problems.scene_files import as_scene
 from ..workers import Progress, executor_of
@@ -58,6 +59,12 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
+def _check_law(law: type[SlidingPivot]) -> None:
+    """InputError for what is no law of a release, or has the name of a known model."""
+    if not (isinstance(law, type) and issubclass(law, SlidingPivot)) or law.__name__ in MODELS:
+        raise InputError(f"release = {law!r}: must be a subclass of SlidingPivot with its own name")
+
+
 def _alone(method: Callable[Concatenate[Planner, P], T]) -> Callable[Concatenate[Planner, P], T]:
     """A method during which other threads wait with theirs: the calls of a planner share the memory
     of its solvers and of the core."""
@@ -75,7 +82,9 @@ class Planner:
 
     scene: a `Scene`, a built-in name or a TOML file. library: whether plans start from the
     scene's solved throws in the cache (see `prepare`); they do not with constraints. constraints:
-    of one's own, each a `Constraint`. solver_options: of the NLPs' solver, by its own names, such
+    of one's own, each a `Constraint`. release: a law of one's own, a subclass of
+    `models.SlidingPivot` with other `rates` for numbers, arrays and CasADi: it is in the NLP, it
+    decides, and no library is used. solver_options: of the NLPs' solver, by its own names, such
     as {"tol": 1e-9}; see the manuals of FATROP and IPOPT.
 
     Any thread may call any method; those that solve wait for each other, and the wait is no part of
@@ -93,6 +102,7 @@ class Planner:
         *,
         library: bool = True,
         constraints: Sequence[Constraint] = (),
+        release: type[SlidingPivot] | None = None,
         solver_options: Mapping[str, Any] | None = None,
     ) -> None:
         start = time.perf_counter()
@@ -101,6 +111,9 @@ class Planner:
         if constraints:
             own = tuple(checked("constraints", one, Constraint, {}) for one in constraints)
             scene, library = scene.changed(constraints=scene.constraints + own), False
+        if release is not None:
+            _check_law(release)
+            scene, library = scene.changed(release=release), False
         self._options = dict(solver_options or {})
         self.scene = scene
         self.manipulator = make_manipulator(scene)

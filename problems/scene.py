@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ..models import Body, FlightLaw, PinchContact
+from ..models.release import SlidingPivot
 from ..models.robot import Arm
 from .arm_files import arm_table, load_arm, load_gripper
 from .calibration import Calibration
@@ -43,7 +44,8 @@ UNBOUNDED = Workspace()
 @dataclasses.dataclass(frozen=True, repr=False)
 class Scene(Section):
     """A scene. `file` is its origin, for messages; `arm` has the robot's data;
-    `constraints` are a user's own.
+    `constraints` and the
+    law of the `release` are a user's own.
 
     Sections are given by their names: ``Scene(name="mine", object=Object(...), ...)``; a section
     that is None adds nothing. `replace` makes a variant.
@@ -78,6 +80,7 @@ class Scene(Section):
     arm: Arm | None = None
     file: str = ""
     constraints: tuple[Constraint, ...] = ()
+    release: type[SlidingPivot] | None = None
 
     def __repr__(self) -> str:
         """One line; `table` has all values."""
@@ -304,6 +307,11 @@ class Scene(Section):
         For a hand without a palm the clearance is that to its capsules."""
         has_palm = self.arm is not None and self.arm.tool.has_palm
         return self.bounds.palm_clearance if has_palm else None
+
+    @property
+    def deciding_model(self) -> str:
+        """Name of the release model that decides: a user's own, else the tolerance's."""
+        return self.tolerance.model if self.release is None else self.release.__name__
 
     @property
     def aim(self) -> Pose:

@@ -16,6 +16,14 @@ from .integrators import (
 )
 from .limit_surface import SteppedRelease
 from .published_surface import ImplicitRelease, KarnoppRelease
-from .registry import BATCH_MODELS, DECIDING, MODELS, SLIDING_PIVOT, STEPPED_SURFACE, ReleaseModel
+from .registry import (
+    BATCH_MODELS,
+    DECIDING,
+    MODELS,
+    SLIDING_PIVOT,
+    STEPPED_SURFACE,
+    ReleaseModel,
+    own_model,
+)
 from .shaped_surface import ShapedRelease
 from .sliding_pivot import SlidingPivot, SlidingPivotRelease, Widths, soft_positive

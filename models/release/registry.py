@@ -10,9 +10,10 @@ from typing import Protocol, cast
 
 from .cases import BatchRelease, CaseModel, Release, ReleaseBatch, ReleaseCase
 from .limit_surface import SteppedRelease
+from .own import OwnRelease
 from .patch import PatchRelease
 from .published_surface import ImplicitRelease, KarnoppRelease
-from .sliding_pivot import SlidingPivotRelease
+from .sliding_pivot import SlidingPivot, SlidingPivotRelease
 
 
 class BatchModel(CaseModel, Protocol):
@@ -173,6 +174,13 @@ MODELS = {
         ),
     )
 }
+
+
+def own_model(law: type[SlidingPivot]) -> ReleaseModel:
+    """The model of a user's own law."""
+    name, words = law.__name__, (law.__doc__ or "a law of one's own").splitlines()[0].rstrip(".")
+    model = OwnRelease(law)
+    return ReleaseModel(name, name, words, "Runge-Kutta", "#444444", model, steps=1, decides=True)
 
 
 #: Models with batches, for sweeps, `simulate_batch` and the verdict on a plan.

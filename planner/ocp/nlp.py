@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, Trajectory
+from ...models.release import SlidingPivot
 from .assembly import StagedNlp, assemble
 from .problem import ThrowProblem, variable_bounds
 from .request import Request, Weights
@@ -184,7 +185,7 @@ def build_nlp(request: Request, shared: Shared | None = None) -> ThrowNlp:
         calibrated=scene.calibration is not None,
         parts=len(scene.object.outline),
     )
-    ocp = Ocp(structure, manipulator)
+    ocp = Ocp(structure, manipulator, scene.release or SlidingPivot)
     landing = ThrowProblem(ocp, constraints).declare()
     nlp = assemble(structure, ocp.stages, ocp.parameters, landing, {} if shared is None else shared)
     return ThrowNlp(**vars(nlp), constraints=constraints, request=request)

@@ -55,8 +55,13 @@ Hand = tuple[list[ca.SX], list[ca.SX], HandMotion]
 class Ocp:
     """An optimal control problem during its declaration."""
 
-    def __init__(self, structure: NlpStructure, manipulator: Manipulator) -> None:
-        self.structure = structure
+    def __init__(
+        self,
+        structure: NlpStructure,
+        manipulator: Manipulator,
+        law: type[SlidingPivot] = SlidingPivot,
+    ) -> None:
+        self.structure, self.law = structure, law
         self.n, self.names = manipulator.size, manipulator.joints
         self.kinematics, self.capsules = manipulator.kinematics, manipulator.capsules
         p = self.parameters = Parameters()
@@ -78,7 +83,7 @@ class Ocp:
             friction, radius = p(f"friction{own}"), p(f"patch_radius{own}")
             contact = PinchContact(friction, radius, p("torsion"), p("faces"))
             widths = Widths.relative(p("epsilon"), body, contact, p("gravity"))
-            self.releases[opening] = SlidingPivot(body, contact, p("gravity"), widths=widths)
+            self.releases[opening] = self.law(body, contact, p("gravity"), widths=widths)
         return self.releases[opening]
 
     def discretise(self, variables: Callable[[int], Stage], initial: dict[Block, ca.SX]) -> None:

@@ -175,7 +175,7 @@ class Plan:
         if self.throw is not None:
             poses = self.throw.landings
             landing = {name: self._json_pose(pose) for name, pose in poses.items()}
-            error = {name: self._json_error(poses[name]) for name in error}
+            error = {name: self._json_error(poses[name]) for name in poses}
             release = {name: plain(getattr(self.throw.deciding, name)) for name in MOMENTS}
         return {"landing": landing, "error": error, "release": release}
 

@@ -80,7 +80,8 @@ class PlannedThrow:
     @property
     def landings(self) -> dict[str, tuple[float, float, float]]:
         """Landings x, z [m], theta [rad] by their key in plan.json."""
-        return {
+        own = {} if self.scene.release is None else {"own": self.deciding.landing.pose}
+        return own | {
             "planned": self.planned_landing,
             "exact": self.exact.landing.pose,
             "sent": self.deciding.sliding_pivot.landing.pose,
@@ -90,6 +91,8 @@ class PlannedThrow:
     @property
     def decides(self) -> str:
         """Key of the deciding landing."""
+        if self.scene.release is not None:
+            return "own"
         return "limit_surface" if self.scene.tolerance.model == STEPPED_SURFACE else "sent"
 
     @property

@@ -81,7 +81,8 @@ def _status(plan: Plan) -> str:
     tolerance, goal, name = plan.scene.tolerance, plan.goal, plan.scene.name
     if plan.short_of is not None:
         return f"{name}: lands beside its target, {_pose(plan.short_of)}: the nearest throw found"
-    model = "limit surface" if tolerance.model == STEPPED_SURFACE else "sliding pivot"
+    model = "the limit surface" if tolerance.model == STEPPED_SURFACE else "the sliding pivot"
+    model = model if plan.scene.release is None else plan.scene.release.__name__
     allowed = [f"{1e3 * tolerance.position:.3g} mm"]
     if goal.theta is not None:
         allowed.append(f"{math.degrees(tolerance.angle):.3g}°")
@@ -91,7 +92,7 @@ def _status(plan: Plan) -> str:
         near = "inside" if not any(plan.error_sent()) else f"within {off} of"
         place = f"{near} the region (tolerance {', '.join(allowed)})"
     moves = "" if plan.target.velocity is None else f" at {plan.target.speed:g} m/s"
-    return f"{name}: solved by the {model}, {place}{moves}{_took(plan)}"
+    return f"{name}: solved by {model}, {place}{moves}{_took(plan)}"
 
 
 def _where(plan: Plan) -> str:

@@ -213,7 +213,7 @@ class Search:
         task = self.task
         # A moved throw keeps its place in a region, and its time: another may cost less.
         may_move = not task.target.is_region and task.scene.weights.usual
-        may_move = may_move and task.solver == "fatrop"
+        may_move = may_move and task.solver == "fatrop" and task.scene.release is None
         if self.warm is not None:
             optimum = self._optimum(self.warm) if may_move else None
             if optimum is not None:

@@ -29,7 +29,7 @@ class Candidate:
         `sweep`'s."""
         scene = self.plan.scene
         sampler = sampler_of(scene, SEED)
-        judge = judge_of(self.plan, scene.tolerance.model, sampler)
+        judge = judge_of(self.plan, scene.deciding_model, sampler)
         _, _, landings = run_sweep(judge, sampler, SAMPLES)
         nominal = judge.verdicts(judge.batch.nominal())
         errors = pose_errors(self.plan, landings, nominal)

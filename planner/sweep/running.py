@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from ...models import Array, Indices
-from ...models.release import BATCH_MODELS, MODELS
+from ...models.release import BATCH_MODELS
 from ...problems import InputError, checked
 from ...workers import Progress, run_jobs
 from ..result import Plan, SavedThrow, plan_of
-from ..throw import ThrowBatch, named_model
+from ..throw import ThrowBatch, named_model, release_model
 from ..uncertainty import FURTHEST, Entries, Sampler, sampler_of, scan_delays
 from ..verdict import Judge, Verdicts
 from .results import Sweep
@@ -50,8 +50,9 @@ def sweep(
     without a throw, an unknown model, numbers out of range.
     """
     started, plan = time.perf_counter(), plan_of(plan)
-    model = model or plan.scene.tolerance.model
-    check_sweep(samples, seed, model)
+    own = plan.scene.deciding_model
+    check_sweep(samples, seed, model or plan.scene.tolerance.model)
+    model = model or own
     sampler = sampler_of(plan.scene, seed)
     if not sampler.names:
         words = "[uncertainty] says so of delay and opening"
@@ -117,7 +118,7 @@ def run_sweep(
 
     The chunks, and so the result to the last bit, do not depend on the executor.
     """
-    size = MODELS[judge.batch.model].chunk
+    size = release_model(judge.batch.scene, judge.batch.model).chunk
     chunks = iter(range(0, samples, size))
     done: list[Throws] = []
 

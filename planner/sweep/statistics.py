@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models import Array
-from ...models.release import MODELS
 from ...problems import Distribution, Uncertainty
-from ..throw import ThrowBatch
+from ..throw import ThrowBatch, release_model
 from ..uncertainty import Sampler, with_delays
 
 #: Reported quantiles of the errors [%].
@@ -112,7 +111,9 @@ def delay_band(
     batch: ThrowBatch, sampler: Sampler, limits: tuple[float, float]
 ) -> tuple[Array, Array]:
     """Delays (K,) [s] beyond the mean; landings (K, M, 3) of M draws of the other parameters."""
-    count, draws = SETTINGS.band if MODELS[batch.model].quick else SETTINGS.slow_band
+    count, draws = (
+        SETTINGS.band if release_model(batch.scene, batch.model).quick else SETTINGS.slow_band
+    )
     delays = np.linspace(*limits, count)
     values = np.tile(sampler.draw(0, draws), (count, 1))
     late, samples = with_delays(batch, np.repeat(delays, draws), values)

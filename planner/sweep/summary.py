@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ...models.release import MODELS
 from ...problems import Distribution, Uncertainty
 from ..result import Plan
+from ..throw import release_model
 from ..uncertainty import DelayScan
 from ..verdict import Code
 
@@ -32,7 +32,8 @@ UNITS = (
 def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
     """Success, bias, quantiles and sensitivities of a sweep of `plan`, from its `to_dict`."""
     tolerance, scene = plan.scene.tolerance, plan.scene
-    lines = [f"{label}: {result['samples']:,} throws by the {MODELS[result['model']].title}"]
+    model = release_model(scene, result["model"]).title
+    lines = [f"{label}: {result['samples']:,} throws by the {model}"]
     lines += [f"  {line}" for line in _words_of(scene.uncertain, scene.assumed_spreads)]
     box = "in the region, " if plan.target.is_region else ""
     box += f"within {1e3 * tolerance.position:g} mm"

@@ -16,5 +16,14 @@ from .simulation import (
     simulate,
     simulate_batch,
 )
-from .throw import EXACT, LandingPoint, Throw, case_of, column_of, core_scene, cup_entries
+from .throw import (
+    EXACT,
+    LandingPoint,
+    Throw,
+    case_of,
+    column_of,
+    core_scene,
+    cup_entries,
+    release_model,
+)
 from .transfers import Transfer, arm_excesses, transfer

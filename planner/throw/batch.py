@@ -10,7 +10,6 @@ import numpy as np
 from ...models import Array, Body, FlightState, ReadOnly, Trajectory
 from ...models.release import (
     LOST,
-    MODELS,
     STEPPED_SURFACE,
     BatchRelease,
     ReleaseBatch,
@@ -19,7 +18,7 @@ from ...models.release import (
 )
 from ...problems import Pose, Scene
 from .manipulator import HandError
-from .throw import EXACT, Throw
+from .throw import EXACT, Throw, release_model
 
 #: Longest cell [s] of the hand's tabulated motion.
 CELL = 1e-4
@@ -90,7 +89,7 @@ class ThrowBatch:
         early, late, longest = reach
         begin = throw.opening_time
         span = max(begin + early, 0.0), min(begin + late + longest, throw.path.end)
-        chosen = model or throw.model or throw.scene.tolerance.model
+        chosen = model or throw.model or throw.scene.deciding_model
         return cls(throw, target, chosen, tuple(names), tabulated(throw, span), reach)
 
     @property
@@ -120,7 +119,7 @@ class ThrowBatch:
             surface = self.model == STEPPED_SURFACE
             release = exact_releases(self.throw.case, batch, late, surface=surface)
         else:
-            release = MODELS[self.model].throw(batch)
+            release = release_model(self.scene, self.model).throw(batch)
         return self._flights(columns, release)
 
     def _flights(self, columns: dict[str, Array], release: BatchRelease) -> BatchFlights:

@@ -36,6 +36,8 @@ from ...models.release import (
     ReleaseCase,
     ReleaseModel,
     ShapedRelease,
+    SlidingPivot,
+    own_model,
 )
 from ...models.robot import Arm, PlanarArm, hand_motion
 from ...problems import InputError, Motion, Scene, checked
@@ -171,10 +173,13 @@ class Simulation:
         }
 
 
-def simulate(scene: Scene | str | pathlib.Path, model: str = "all") -> dict[str, Simulation]:
+def simulate(
+    scene: Scene | str | pathlib.Path, model: str | type[SlidingPivot] = "all"
+) -> dict[str, Simulation]:
     """The [motion] of a scene, built-in name or TOML file through a release model.
 
-    model: a name of MODELS, or 'all'. With [contact] shape 'ls-step' is the only one.
+    model: a name of MODELS, 'all', or a law of one's own (see `Planner`). With [contact] shape
+    'ls-step' is the only one.
     Raises InputError for a scene without a motion and for an unknown model.
     """
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
@@ -184,6 +189,8 @@ def simulate(scene: Scene | str | pathlib.Path, model: str = "all") -> dict[str,
         stepped = MODELS[STEPPED_SURFACE]
         known = {stepped.name: replace(stepped, model=ShapedRelease(shape))}
         names = f"all or {stepped.name}, which alone knows [contact] shape"
+    if isinstance(model, type):
+        return {model.__name__: _simulated(scene, own_model(model), case)}
     if model == "all":
         return {name: _simulated(scene, known[name], case) for name in known}
     return {model: _simulated(scene, named_model(model, known, names), case)}

@@ -17,12 +17,15 @@ import numpy.typing as npt
 from ...core import Structure, array, library, out
 from ...models import Array, FlightLaw, FlightState, HandSamples, HandTrack, Trajectory
 from ...models.release import (
+    MODELS,
     SLIDING_PIVOT,
     STEPPED_SURFACE,
     Release,
     ReleaseCase,
+    ReleaseModel,
     exact_pivot_release,
     exact_surface_release,
+    own_model,
 )
 from ...problems import InputError, Obstacle, Pose, Scene, checked
 from .loads import load_steps
@@ -31,6 +34,12 @@ from .sent_samples import NO_SAMPLES, Samples
 
 #: Exact releases by their models' names.
 EXACT = {SLIDING_PIVOT: exact_pivot_release, STEPPED_SURFACE: exact_surface_release}
+
+
+def release_model(scene: Scene, name: str) -> ReleaseModel:
+    """The release model of a name, which may be that of a scene's own law."""
+    own = scene.release is not None and name == scene.release.__name__
+    return own_model(scene.release) if own and scene.release else MODELS[name]
 
 
 @dataclass(frozen=True)
@@ -107,7 +116,9 @@ class Throw:
     @cached_property
     def release(self) -> Release:
         """The object's motion from the opening's start to detach."""
-        return self._in_place(EXACT[self.model or self.scene.tolerance.model](self.case))
+        model = self.model or self.scene.deciding_model
+        exact = EXACT.get(model) or release_model(self.scene, model).release
+        return self._in_place(exact(self.case))
 
     def _in_place(self, released: Release) -> Release:
         """The release by a hand with `error`.
@@ -130,7 +141,7 @@ class Throw:
     @cached_property
     def onsets(self) -> tuple[float | None, float | None]:
         """Onsets [s] of pivot and slide after the opening's start; None without one."""
-        if (self.model or self.scene.tolerance.model) == STEPPED_SURFACE:
+        if (self.model or self.scene.deciding_model) == STEPPED_SURFACE:
             return self.case.slip_onset()
         return self.release.pivot, self.release.slide
 
@@ -155,15 +166,15 @@ class Throw:
 
     def with_model(self, model: str) -> Throw:
         """The throw by another of the models sp and ls-step; InputError for a further one."""
-        if model not in EXACT:
+        if model not in (*EXACT, self.scene.deciding_model):
             raise InputError(f"model = {model!r}: must be one of {', '.join(EXACT)}")
-        own = self.model or self.scene.tolerance.model
+        own = self.model or self.scene.deciding_model
         return self if own == model else replace(self, model=model)
 
     @cached_property
     def deciding(self) -> Throw:
         """The throw by the model of the tolerance, which decides."""
-        return self.with_model(self.scene.tolerance.model)
+        return self.with_model(self.scene.deciding_model)
 
     @cached_property
     def sliding_pivot(self) -> Throw:

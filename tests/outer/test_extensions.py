@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.models import SlidingPivot
 
 #: Height [m] that the flight of `pose` exceeds if nothing forbids it.
 CEILING = 0.9
@@ -84,3 +85,42 @@ def test_options_reach_the_solver() -> None:
     """With one iteration no solve succeeds."""
     assert planned(solver_options={"tol": 1e-9}).solved
     assert not planned(solver_options={"max_iter": 1}).solved
+
+
+class Damped(SlidingPivot):
+    """A sliding pivot whose turning in the pads is damped"""
+
+    def rates(self, state: Any, hand: Any, normal_force: Any) -> list[Any]:
+        found = super().rates(state, hand, normal_force)
+        return [*found[:5], found[5] - 5.0 * state[5]]
+
+
+class Undamped(SlidingPivot):
+    """The sliding pivot under another name"""
+
+
+def test_a_law_of_one_s_own_throws_as_the_core_does_where_it_is_the_same() -> None:
+    """By Runge-Kutta steps across the onsets of pivot and slide."""
+    own, core = tp.simulate("drop", Undamped)["Undamped"], tp.simulate("drop", "sp")["sp"]
+    np.testing.assert_allclose(own.release.end, core.release.end, atol=1e-4)
+    assert own.to_dict()["status"] == "ok"
+    damped = tp.simulate("drop", Damped)["Damped"].release
+    assert abs(damped.end[5]) < 0.99 * abs(core.release.end[5])
+
+
+def test_a_law_of_one_s_own_decides() -> None:
+    """It is in the NLP and throws what is sent; batches throw as single throws do."""
+    plan = tp.Planner("hand-flip", release=Damped).plan()
+    assert plan.solved and "solved by Damped" in plan.summary()
+    answer = plan.to_dict()
+    assert answer["decides"] == "own" and answer["error"]["own"]["position"] < 2e-4
+    swept = tp.sweep(plan, samples=16).to_dict()
+    assert swept["model"] == "Damped"
+    landed = answer["landing"]["own"]
+    assert swept["nominal"] == pytest.approx({k: landed[k] for k in ("x", "theta")}, abs=1e-6)
+
+
+@pytest.mark.parametrize("law", [int, "sp", SlidingPivot(None, None)])
+def test_what_is_no_law_is_refused(law) -> None:
+    with pytest.raises(tp.InputError, match="release = "):
+        tp.Planner("hand-box", release=law)
