@@ -111,9 +111,8 @@ def delay_band(
     batch: ThrowBatch, sampler: Sampler, limits: tuple[float, float]
 ) -> tuple[Array, Array]:
     """Delays (K,) [s] beyond the mean; landings (K, M, 3) of M draws of the other parameters."""
-    count, draws = (
-        SETTINGS.band if release_model(batch.scene, batch.model).quick else SETTINGS.slow_band
-    )
+    quick = release_model(batch.scene, batch.model).quick
+    count, draws = SETTINGS.band if quick else SETTINGS.slow_band
     delays = np.linspace(*limits, count)
     values = np.tile(sampler.draw(0, draws), (count, 1))
     late, samples = with_delays(batch, np.repeat(delays, draws), values)
