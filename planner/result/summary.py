@@ -116,9 +116,16 @@ def _quiet(plan: Plan) -> str:
     assert load is not None
     if load < QUIET:
         return f"quiet: while the pads open they carry at most {load_words(load)} of their grip"
-    cure = "plan with --robust" if _robust_helps(plan) else "measure both"
+    counts, cure = "delay and friction count", "measure both"
+    if plan.delay is not None:
+        tolerance, x, theta = plan.scene.tolerance, *np.abs([plan.delay.early, plan.delay.late]).T
+        turn = theta.max() if plan.target.theta is not None else 0.0
+        if x.max() <= tolerance.position and turn <= tolerance.angle:
+            counts, cure = "friction counts", "measure it"
+    if _robust_helps(plan):
+        cure = "plan with --robust"
     words = f"not quiet: the opening pads carry up to {load_words(load)} of their grip"
-    return f"{words}, so delay and friction count: {cure}"
+    return f"{words}, so {counts}: {cure}"
 
 
 def load_words(load: float) -> str:
@@ -214,10 +221,11 @@ def _often(plan: Plan) -> list[str]:
         facts.append(
             known.words or f"[calibration] does not hold here: {different[0]}: calibrate again"
         )
-    if words := _at_bounds(plan):
-        facts.append(words + (": --robust aims inside" if robust else ""))
     if sampled := plan.message.partition("; ")[2]:
         facts.append(sampled)
+    if words := _at_bounds(plan):
+        cure = "--robust aims inside" if robust else "throwplan map shows what is in reach"
+        facts.append(f"{words}: {cure}")
     if plan.scene.cup is not None and plan.rests is None:
         facts.append("staying in the cup is not counted ([rest] does)")
     return facts
