@@ -27,8 +27,11 @@ QUIET = 0.1
 DROP = 0.1
 #: Room [m] to a body that counts as much as half of another limit.
 NEAR = 0.05
-#: Shipped arms that take the files of `export --franka`, and the one that `run` moves.
-FRANKA, RUNS = ("panda", "fr3"), "fr3"
+#: Arms that take the files of `export --franka`, the one that `run` moves, and how far their hand
+#: opens at most [m].
+FRANKA, RUNS, OPENS = ("panda", "fr3"), "fr3", 0.08
+#: Sections of what is assumed: what moves a landing most stands first.
+WEIGHTIEST = ("uncertainty", "gripper", "contact", "object", "arm")
 #: Where a page says how to measure what is assumed.
 MEASURE = "measure them: docs/first-throw.md"
 #: Of what makers recommend: its name, unit, and scale from SI, and the scene's key.
@@ -293,7 +296,7 @@ def unchecked_words(scene: Scene) -> str:
 def assumed_words(scene: Scene, assumed: Sequence[str], target: Pose | None = None) -> str:
     """What a plan of a scene to a target assumes, and what to do, in one line; empty if nothing."""
     names = list[str]()
-    for name in sorted(assumed, key=lambda name: not name.startswith("uncertainty.")):
+    for name in sorted(assumed, key=lambda name: WEIGHTIEST.index(name.partition(".")[0])):
         section, _, key = name.partition(".")
         if section == "uncertainty":
             spread = getattr(scene.uncertain, key)
@@ -316,12 +319,15 @@ def _next(plan: Plan, folder: str | None) -> str:
     where = "DIR" if folder is None else shlex.quote(folder)
     commands = [f"throwplan sweep {where}", f"throwplan replay {where}"]
     if (arm := plan.scene.arm) is not None:
-        run = f"throwplan run {where} --robot HOST --rehearse"
-        files = "--franka" if arm.name in FRANKA else "--ros"
-        commands.append(run if arm.name == RUNS else f"throwplan export {where} {files} TO")
+        own_hand = arm.tool.open_width <= OPENS
+        if arm.name == RUNS and own_hand:
+            commands.insert(1, f"throwplan run {where} --robot HOST --rehearse")
+        else:
+            files = "--franka" if arm.name in FRANKA and own_hand else "--ros"
+            commands.append(f"throwplan export {where} {files} TO")
     head = "next: "
     if notes := len(plan.scene.notes):
-        head += f"see {notes} note{'s' if notes > 1 else ''} with --verbose; "
+        head += f"--verbose ({notes} note{'s' if notes > 1 else ''}), "
     head += "" if folder is not None else "plan with --out DIR, then "
     return _fit(head, commands)
 
