@@ -75,7 +75,7 @@ def identify_models(options: argparse.Namespace) -> int:
         else:
             found = [identify(data, options.model, about=progress.about, **settings)]
             table = None
-    save_out(options, data.name, partial(save_identified, found, table))
+    save_out(options, data.name, partial(save_identified, found, table, scene=prior))
     text, answers = summary_of(found), [one.to_dict() for one in found]
     if table is not None:
         text += "\n\n" + "\n".join([f"{table.caption}:", "", *table.markdown()])

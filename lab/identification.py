@@ -263,15 +263,18 @@ def summary_of(found: list[Identified]) -> str:
     return "\n".join([*lines, *(f"  note: {words}" for words in data.notes)])
 
 
-def save_identified(found: list[Identified], table: Table | None, folder: Path) -> None:
+def save_identified(
+    found: list[Identified], table: Table | None, folder: Path, scene: Scene | None = None
+) -> None:
     """Write the files of one or more models, and a table that compares them; contact.toml is that
-    of the last."""
+    of the last, with all else that the [uncertainty] of a scene has."""
     with filling(folder, FILES) as scratch:
         for one in found:
             save_figure(_contact_picture(one), scratch / f"contact-{one.model}.png")
         last, shared = found[-1], found[-1].data.shared
         text = f"# from {len(last.data.throws)} throws of {last.data.name}, by {last.model}\n"
-        text += contact_text(last.posterior, shared)
+        known = None if scene is None else applied(last.posterior, scene).uncertainty
+        text += contact_text(last.posterior, shared, known)
         (scratch / "contact.toml").write_text(text, encoding="utf-8")
         write_json(scratch / "identify.json", [one.to_dict() for one in found])
         if table is not None:

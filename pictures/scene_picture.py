@@ -36,7 +36,8 @@ def draw_scene(scene: Scene, manipulator: Manipulator, reach: tuple[float, float
     parts += [_draw_cup] if scene.cup is not None else []
     parts += [_draw_times]
     parts += [_draw_from_above] if scene.arm is not None else []
-    figure = new_figure(12.5, 2.0 * len(parts), f"{scene.name}: {scene.description}")
+    names = scene.name, scene.description
+    figure = new_figure(12.5, 2.0 * len(parts), ": ".join(filter(None, names)))
     halves = figure.add_gridspec(1, 2, width_ratios=(1.6, 1))
     stage = figure.add_subplot(halves[0])
     _draw_stage(stage, scene, manipulator, reach)

@@ -321,7 +321,7 @@ class Gripper(Section):
     )
     continuous: float | None = optional(
         "N, of one pad, what the gripper holds continuously: a plan with more says so; left out: "
-        "the file's, else not known",
+        "the file's `force` if that is not assumed, else not known",
         above=0,
         most=1e6,
     )
@@ -369,7 +369,9 @@ class Gripper(Section):
 
     def _take(self, data: GripperData, measured: bool) -> None:
         """The file's values for keys that are left out."""
-        values: dict[str, Any] = {"continuous": data.force, "peak": data.force_peak}
+        # A force that is assumed is no maker's.
+        continuous = None if "force" in data.assumed else data.force
+        values: dict[str, Any] = {"continuous": continuous, "peak": data.force_peak}
         if not measured:
             values |= {"force": data.force, "dwell": data.dwell, "opening": data.opening}
         for name, value in values.items():

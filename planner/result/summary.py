@@ -27,8 +27,11 @@ QUIET = 0.1
 DROP = 0.1
 #: Room [m] to a body that counts as much as half of another limit.
 NEAR = 0.05
-#: Shipped arms that take the files of `export --franka`, and the one that `run` moves.
-FRANKA, RUNS = ("panda", "fr3"), "fr3"
+#: Arms that take the files of `export --franka`, the one that `run` moves, and how far their hand
+#: opens at most [m].
+FRANKA, RUNS, OPENS = ("panda", "fr3"), "fr3", 0.08
+#: Sections of what is assumed: what moves a landing most stands first.
+WEIGHTIEST = ("uncertainty", "gripper", "contact", "object", "arm")
 #: Where a page says how to measure what is assumed.
 MEASURE = "measure them: docs/first-throw.md"
 #: Of what makers recommend: its name, unit, and scale from SI, and the scene's key.
@@ -117,9 +120,16 @@ def _quiet(plan: Plan) -> str:
     assert load is not None
     if load < QUIET:
         return f"quiet: while the pads open they carry at most {load_words(load)} of their grip"
-    cure = "plan with --robust" if _robust_helps(plan) else "measure both"
+    counts, cure = "delay and friction count", "measure both"
+    if plan.delay is not None:
+        tolerance, x, theta = plan.scene.tolerance, *np.abs([plan.delay.early, plan.delay.late]).T
+        turn = theta.max() if plan.target.theta is not None else 0.0
+        if x.max() <= tolerance.position and turn <= tolerance.angle:
+            counts, cure = "friction counts", "measure it"
+    if _robust_helps(plan):
+        cure = "plan with --robust"
     words = f"not quiet: the opening pads carry up to {load_words(load)} of their grip"
-    return f"{words}, so delay and friction count: {cure}"
+    return f"{words}, so {counts}: {cure}"
 
 
 def load_words(load: float) -> str:
@@ -215,10 +225,11 @@ def _often(plan: Plan) -> list[str]:
         facts.append(
             known.words or f"[calibration] does not hold here: {different[0]}: calibrate again"
         )
-    if words := _at_bounds(plan):
-        facts.append(words + (": --robust aims inside" if robust else ""))
     if sampled := plan.message.partition("; ")[2]:
         facts.append(sampled)
+    if words := _at_bounds(plan):
+        cure = "--robust aims inside" if robust else "throwplan map shows what is in reach"
+        facts.append(f"{words}: {cure}")
     if plan.scene.cup is not None and plan.rests is None:
         facts.append("staying in the cup is not counted ([rest] does)")
     return facts
@@ -290,7 +301,7 @@ def unchecked_words(scene: Scene) -> str:
 def assumed_words(scene: Scene, assumed: Sequence[str], target: Pose | None = None) -> str:
     """What a plan of a scene to a target assumes, and what to do, in one line; empty if nothing."""
     names = list[str]()
-    for name in sorted(assumed, key=lambda name: not name.startswith("uncertainty.")):
+    for name in sorted(assumed, key=lambda name: WEIGHTIEST.index(name.partition(".")[0])):
         section, _, key = name.partition(".")
         if section == "uncertainty":
             spread = getattr(scene.uncertain, key)
@@ -313,12 +324,15 @@ def _next(plan: Plan, folder: str | None) -> str:
     where = "DIR" if folder is None else shlex.quote(folder)
     commands = [f"throwplan sweep {where}", f"throwplan replay {where}"]
     if (arm := plan.scene.arm) is not None:
-        run = f"throwplan run {where} --robot HOST --rehearse"
-        files = "--franka" if arm.name in FRANKA else "--ros"
-        commands.append(run if arm.name == RUNS else f"throwplan export {where} {files} TO")
+        own_hand = arm.tool.open_width <= OPENS
+        if arm.name == RUNS and own_hand:
+            commands.insert(1, f"throwplan run {where} --robot HOST --rehearse")
+        else:
+            files = "--franka" if arm.name in FRANKA and own_hand else "--ros"
+            commands.append(f"throwplan export {where} {files} TO")
     head = "next: "
     if notes := len(plan.scene.notes):
-        head += f"see {notes} note{'s' if notes > 1 else ''} with --verbose; "
+        head += f"--verbose ({notes} note{'s' if notes > 1 else ''}), "
     head += "" if folder is not None else "plan with --out DIR, then "
     return _fit(head, commands)
 

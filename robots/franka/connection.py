@@ -156,7 +156,7 @@ def check_hand(where: str | Path, motion: SentMotion) -> None:
     if (width := arm_of(motion).tool.open_width) > OPEN_WIDTH:
         raise InputError(
             f"{where}: the plan's hand opens by {width:g} m, a Franka Hand by {OPEN_WIDTH:g} m at "
-            "most: plan it with a [gripper] file of that open_width"
+            'most: export it with --ros, or plan it with [gripper] file = "franka-hand"'
         )
     for carry in motion.carries:
         scene, close = carry.throw.scene, grasp_of(carry)

@@ -200,6 +200,9 @@ def test_a_grippers_file_gives_its_grip() -> None:
     assert gripper.profile() == tp.load_scene("iiwa14").gripper.profile()
     own = tp.Gripper(file="robotiq-2f-85", dwell=0.1, force=50.0)
     assert (own.dwell, own.force, own.opening) == (0.1, 50.0, gripper.opening)
+    # A force that the file assumes is no recommendation; its maker's peak holds.
+    assert own.continuous is None and own.peak == 235.0
+    assert tp.Gripper(file="franka-hand").continuous == 70.0
     with pytest.raises(tp.InputError, match=r"file = 'robotiq': unknown gripper"):
         tp.Gripper(file="robotiq")
 

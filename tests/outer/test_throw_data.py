@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +143,17 @@ def test_identify_takes_filters_and_writes_what_it_finds(tmp_path, run, refused)
     assert {path.name for path in tmp_path.iterdir()} == names
     words = ("identify", MADE_THROWS, "--only", "pitch=3")
     assert "pitch must be one of p1, p2, p3" in refused(*words)
+
+
+def test_what_a_prior_knows_of_the_opening_stays_beside_the_fit(tmp_path, run) -> None:
+    text = (MADE_THROWS / "scene.toml").read_text(encoding="utf-8")
+    known = "[uncertainty]\ndelay = { normal = 0.003 }\nfriction = { normal = 0.1 }\n"
+    (tmp_path / "scene.toml").write_text(f"{text}\n{known}", encoding="utf-8")
+    words = ("--only", "repeat=2", "--prior", tmp_path / "scene.toml", "--out", tmp_path)
+    assert run("identify", MADE_THROWS, *words).status == 0
+    found = tomllib.loads((tmp_path / "contact.toml").read_text(encoding="utf-8"))["uncertainty"]
+    assert found["delay"] == {"normal": 0.003}
+    assert found["friction"] != {"normal": 0.1} and "opening" not in found
 
 
 @pytest.mark.slow
