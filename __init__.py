@@ -28,6 +28,7 @@ from .planner import (
 )
 from .planner.sweep import sweep
 from .problems import (
+    Bin,
     Calibration,
     Choice,
     Cost,
@@ -66,6 +67,7 @@ except PackageNotFoundError:  # run from a checkout that is not installed
     __version__ = "0"
 
 __all__ = [
+    "Bin",
     "Calibration",
     "Choice",
     "Contact",

@@ -37,7 +37,7 @@ def read_oracle(folder: Path) -> Oracle:
 def oracle_of(plan: Plan) -> Oracle:
     """The oracle of a plan, by the files that it saves."""
     with tempfile.TemporaryDirectory() as folder:
-        plan.save(folder, draw=False)
+        plan.save(folder)
         return read_oracle(Path(folder))
 
 

@@ -28,6 +28,7 @@ from .arms import (
     load_arm,
     load_gripper,
 )
+from .bins import WALL, Bin
 from .calibration import Calibration
 from .checks import InputError, Mistakes, ThrowplanError, checked, within
 from .files import (

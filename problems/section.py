@@ -51,7 +51,7 @@ def optional(meaning: str, **limits: Any) -> Any:
 
 
 #: Words of users for keys.
-OTHER_WORDS = dict.fromkeys(("bin", "basket", "box", "bucket", "tray"), "cup")
+OTHER_WORDS = dict.fromkeys(("basket", "box", "bucket", "tray", "container"), "bin")
 #: Default of a number for which another value is taken.
 UNSET = float("nan")
 

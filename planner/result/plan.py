@@ -275,8 +275,9 @@ class Plan:
             lines.append(f"  {self.rests.words}")
         lines += [f"  warning: {finding.words}" for finding in self.verdict.warnings]
         lines += [f"  note: {words}" for words in self._notes if words]
-        if self.solved and scene.cup is not None and scene.rest is None:
-            lines.append("  note: whether it stays in the cup is not looked at; [rest] does")
+        if self.solved and scene.opening is not None and scene.rest is None:
+            words = f"whether it stays in the {scene.opening.KIND} is not looked at; [rest] does"
+            lines.append(f"  note: {words}")
         floor = scene.bounds.floor
         if floor is not None and self.target.z < floor:
             lines.append(

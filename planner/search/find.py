@@ -180,8 +180,9 @@ class Search:
 
     @property
     def wanted(self) -> int:
-        """Number of throws to look for; local optima of a region differ in cost."""
-        is_new = self.task.target.is_region and self.warm is None
+        """Number of throws to look for; local optima of a region differ in cost. Of a bin the
+        optimum is in the middle."""
+        is_new = self.task.target.is_region and self.warm is None and self.task.scene.bin is None
         return max(self.task.wanted, IN_REGION) if is_new else self.task.wanted
 
     # Starts.
