@@ -139,6 +139,9 @@ class Search:
             if isinstance(start, Elastic):
                 gained = len(self.found) > before or self.least_miss < miss
                 vain = 0 if gained else vain + 1
+            # Two starts that lead to one throw into a bin have found the best of it.
+            if one.hits and len(self.found) == before and task.scene.bin is not None:
+                break
             # Asked before the next start is made, which takes a third of an easy plan's time.
             if self.is_over(vain):
                 break
@@ -180,9 +183,8 @@ class Search:
 
     @property
     def wanted(self) -> int:
-        """Number of throws to look for; local optima of a region differ in cost. Of a bin the
-        optimum is in the middle."""
-        is_new = self.task.target.is_region and self.warm is None and self.task.scene.bin is None
+        """Number of throws to look for; local optima of a region differ in cost."""
+        is_new = self.task.target.is_region and self.warm is None
         return max(self.task.wanted, IN_REGION) if is_new else self.task.wanted
 
     # Starts.

@@ -38,6 +38,7 @@ HEIGHTS = (8, 16)
 TOP = 0.9
 #: Price of the room in a bin, a share of its half opening: far above an effort's.
 ROOM_PRICE = 30.0
+QUIET_PRICE = 300.0
 
 
 @dataclass(frozen=True)
@@ -249,6 +250,7 @@ class BinClearance(SceneConstraint):
             - into.half_opening(thing, into.clearance)
             + CUP_MARGINS[fine]
             + request.refinement.margins["cup"],
+            "room_price": QUIET_PRICE if request.refinement.quiet else ROOM_PRICE,
             "bin_best": into.best_room(thing),
             "bin_heights": (reach + into.clearance, -min(reach, into.depth)),
         }
@@ -261,7 +263,7 @@ class BinClearance(SceneConstraint):
         middle = p("bin_x") + (end.x - p("target_x") if self.elastic else 0)
         flight.subject_to("bin clearance", room - p("bin_room") / half, low=0.0)
         flight.subject_to("bin room", room - p("bin_best") / half, high=0.0)
-        flight.add_objective(-ROOM_PRICE * room)
+        flight.add_objective(p("room_price") * (1 - room))
         if flight.ocp.structure.parts:
             points = flight.ocp.outline_points(2)
         else:
