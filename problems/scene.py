@@ -10,7 +10,7 @@ import functools
 import inspect
 import math
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -533,6 +533,17 @@ class Scene(Section):
     def place(self) -> str:
         """Name of the scene for messages: its file, or its name."""
         return Path(self.file).name if self.file else self.name
+
+
+def obstacles_besides_bins(scenes: Sequence[Scene]) -> tuple[Obstacle, ...]:
+    """The obstacles of the first of some scenes that are no walls of a bin of any of them: scenes
+    of a cycle have the walls of its other bins among their obstacles."""
+
+    def place(one: Obstacle) -> tuple[float, ...]:
+        return tuple(round(value, 9) for value in (*one.position, *one.size, one.yaw))
+
+    walls = {place(o) for one in scenes for o in one.bodies_around[len(one.obstacle) :]}
+    return tuple(o for o in scenes[0].obstacle if place(o) not in walls)
 
 
 #: Sections of a scene file, and their types.

@@ -24,7 +24,7 @@ from ...planner import (
     load_mujoco,
     set_contacts,
 )
-from ...problems import Scene
+from ...problems import Scene, obstacles_besides_bins
 
 #: Friction of objects against all but the pads.
 FRICTION = 0.4
@@ -209,7 +209,7 @@ def _add_around(spec: Any, scenes: list[Scene]) -> tuple[int, ...]:
         half = scene.bounds.column_height / 2
         size, place = [scene.bounds.column_radius, half, 0], [0, 0, half]
         spec.worldbody.add_geom(name=COLUMN, type=kinds.mjGEOM_CYLINDER, size=size, pos=place)
-    for number, obstacle in enumerate(scene.obstacle):
+    for number, obstacle in enumerate(obstacles_besides_bins(scenes)):
         # Several obstacles may have one name.
         add_solid(spec.worldbody, f"{number} obstacle {obstacle.name}", obstacle.solid)
     floors = [height for one in scenes if (height := floor_of(one)) is not None]

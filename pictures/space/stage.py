@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array, Indices
-from ...problems import Arm, Bin, DHRow, covered_mesh, placement
+from ...problems import Arm, Bin, DHRow, covered_mesh, obstacles_besides_bins, placement
 from ..style import ARM, BLACK, PHASES
 from .motion import SpaceMotion, SpaceThrow
 
@@ -180,7 +180,7 @@ class View(ObjectView):
     def __init__(self, server: Any, motion: SpaceMotion) -> None:
         super().__init__(server, motion.throws[0])
         self.floor, self.objects = math.inf, list[ObjectView]([self])
-        self._draw_surroundings()
+        self._draw_surroundings(motion)
         self.joints = self._draw_arm()
         self.hand, self.pads = self._draw_hand()
         drawn = [(self.throw.throw.target, self.throw.scene.opening)]
@@ -288,7 +288,7 @@ class View(ObjectView):
         pads = [self.scene.add_box(f"/hand/pad{k}", rgb(PAD), dimensions=size) for k in (1, 2)]
         return node, [self._body(pad) for pad in pads]
 
-    def _draw_surroundings(self) -> None:
+    def _draw_surroundings(self, motion: SpaceMotion) -> None:
         """Base column and obstacles."""
         from trimesh.creation import box, capsule
 
@@ -298,7 +298,8 @@ class View(ObjectView):
             glass: dict[str, Any] = {"opacity": 0.25, "cast_shadow": False}
             at = (0.0, 0.0, height / 2)
             self.scene.add_cylinder("/column", radius, height, rgb("#c9c2b8"), position=at, **glass)
-        for number, obstacle in enumerate(scene.obstacle):
+        throws = [throw.scene for throw in motion.throws]
+        for number, obstacle in enumerate(obstacles_besides_bins(throws)):
             solid, pose = obstacle.solid, np.eye(4)
             pose[:3, :3], pose[:3, 3] = solid.axes.T, solid.centre
             # A box, or a ball that is as long as a capsule.
