@@ -207,6 +207,8 @@ class Scene(Section):
             raise InputError("[cup] and [bin]: give only one of them")
         with within("[bin]", " "):
             self.bin.check_fits(self.object)
+            if self.bin.y and self.robot is None:
+                raise InputError("y: only for a scene with [robot]")
         if self.target is None and self.motion is None:
             object.__setattr__(self, "target", self.bin.target(self.object))
 
