@@ -340,7 +340,7 @@ static void look_at_end(pair *p)
         if (fmin(one.begin[2], one.end[2]) >= top)
             break;
     }
-    p->inside = k;
+    p->inside = k ? k : p->on->n;
 }
 
 /* Every sample from k to last: what is missing at most of the distance that is needed. */

@@ -391,7 +391,8 @@ class Around:
                     # Nearer to the rim its edge counts, see `bins`.
                     top = solid.centre[2] + solid.half[2] + solid.clearance + radius
                     above = np.flatnonzero(np.minimum(*(end[:, 2] for end in axis)) >= top)
-                    kept[above[-1] + 1 if above.size else 0 :] = -math.inf
+                    if above.size:
+                        kept[above[-1] + 1 :] = -math.inf
             worst = int(np.argmin(away - kept))
             yield solid.name, float(away[worst]), float(kept[worst])
         ends, _, radii = self._capsules

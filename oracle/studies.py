@@ -40,7 +40,7 @@ def sweep_counts(count: int, samples: int) -> Iterator[dict[str, Any]]:
         if not plan.solved:
             continue
         with tempfile.TemporaryDirectory() as folder:
-            plan.save(Path(folder) / "plan", draw=False)
+            plan.save(Path(folder) / "plan")
             tp.sweep(plan, samples=samples).save(Path(folder) / "plan" / "sweep")
             rows, found = read_rows(Path(folder) / "plan")
             judged = read_oracle(Path(folder) / "plan").judge(rows)

@@ -273,7 +273,7 @@ def _slip(finding: Finding) -> str:
 
 
 def _collision(finding: Finding) -> str:
-    if not finding.other.startswith(("obstacle", "floor")):
+    if not finding.other.startswith(("obstacle", "floor", "bin wall")):
         return f"{finding.body} meets {finding.other}{_at(finding)}"
     if finding.value <= 0.0:
         return f"{finding.other}: {finding.body} meets it{_at(finding)}"
