@@ -28,6 +28,7 @@ from .planner import (
 )
 from .planner.sweep import sweep
 from .problems import (
+    Bin,
     Calibration,
     Choice,
     Constraint,
@@ -51,7 +52,6 @@ from .problems import (
     Robot,
     Robust,
     Scene,
-    ThrowplanError,
     Tolerance,
     Torque,
     Uncertainty,
@@ -67,6 +67,7 @@ except PackageNotFoundError:  # run from a checkout that is not installed
     __version__ = "0"
 
 __all__ = [
+    "Bin",
     "Calibration",
     "Choice",
     "Constraint",
@@ -97,7 +98,6 @@ __all__ = [
     "State",
     "Sweep",
     "Throw",
-    "ThrowplanError",
     "Tolerance",
     "Torque",
     "Uncertainty",

@@ -293,13 +293,15 @@ static double step_of(const segment *a, const segment *b)
 }
 
 /* What may come too near: a body to a solid, or (NULL) to another body. lands [m]: as near to the
-   solid a bar that flies may come in the end, infinite for others. */
+   solid a bar that flies may come in the end, infinite for others. inside: the first sample at which it comes
+   down to a bin's rim for the last time. */
 typedef struct {
     const bodies *all;
     const track *on;
     int64_t body, other;
     const solid *from;
     double needed, lands, worst, when;
+    int64_t inside;
 } pair;
 
 static double distance_at(const pair *p, int64_t k, segment *one, segment *other)
@@ -316,9 +318,29 @@ static double distance_at(const pair *p, int64_t k, segment *one, segment *other
 static double needed_at(const pair *p, int64_t k, double step)
 {
     const track *on = p->on;
+    if (k >= p->inside)
+        return -INFINITY;
     if (p->lands == INFINITY || time_at(on, k) <= time_at(on, on->n - 1) - p->all->landing)
         return p->needed;
     return fmin(p->lands, p->needed) - step;
+}
+
+/* The end of the flight of a bar to a solid: `lands` and `inside` of its pair. */
+static void look_at_end(pair *p)
+{
+    segment one, other;
+    int64_t k = p->on->n;
+    p->lands = fmax(distance_at(p, k - 1, &one, &other), p->all->middle * p->all->radius[p->body]);
+    if (p->from->bar < 2)
+        return;
+    /* A bin's walls are upright. */
+    double top = p->from->centre[2] + p->from->half[2] + p->needed;
+    for (; k > 0; k--) {
+        one = body_at(p->all, p->on, p->body, k - 1);
+        if (fmin(one.begin[2], one.end[2]) >= top)
+            break;
+    }
+    p->inside = k ? k : p->on->n;
 }
 
 /* Every sample from k to last: what is missing at most of the distance that is needed. */
@@ -368,10 +390,10 @@ static double missing(const bodies *all, const track *on, int64_t body, const so
                       double needed, double *when)
 {
     segment one, two;
-    pair p = {all, on, body, other, from, needed, INFINITY, -INFINITY, 0.0};
+    pair p = {all, on, body, other, from, needed, INFINITY, -INFINITY, 0.0, on->n};
     double near = distance_at(&p, 0, &one, &two), far = distance_at(&p, on->n - 1, &one, &two);
     if (from && on->flying && body >= all->links)
-        p.lands = fmax(far, all->middle * all->radius[body]);
+        look_at_end(&p);
     look_between(&p, 0, near, on->n - 1, far);
     *when = p.when;
     return p.worst;
@@ -535,9 +557,10 @@ CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flyi
             const solid *from = all->around + s;
             if (b < all->links ? !all->moves[b] : !from->bar)
                 continue;
-            pair p = {all, &on, b, 0, from, all->radius[b] + from->clearance, INFINITY, 0.0, 0.0};
+            double needed = all->radius[b] + from->clearance;
+            pair p = {all, &on, b, 0, from, needed, INFINITY, 0.0, 0.0, n};
             if (flying && b >= all->links && n)
-                p.lands = fmax(distance_at(&p, n - 1, &one, NULL), all->middle * all->radius[b]);
+                look_at_end(&p);
             room_of(&p, room);
         }
     const int64_t *meet = all->meet;
@@ -545,7 +568,7 @@ CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flyi
         if (meet[1] >= all->links + bar)
             continue;
         double needed = apart_of(all, i);
-        pair p = {all, &on, meet[1], meet[0], NULL, needed, INFINITY, 0.0, 0.0};
+        pair p = {all, &on, meet[1], meet[0], NULL, needed, INFINITY, 0.0, 0.0, n};
         room_of(&p, room);
     }
 }

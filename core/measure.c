@@ -483,6 +483,34 @@ INLINE void depths(const scene *s, const double start[6], const object *o, const
     EACH_LANE depth[l] = s->cup_rim - depth[l];
 }
 
+/* The highest point of a box, below 0. */
+INLINE void highest_of(const box *b, const pose *at, lane found)
+{
+    EACH_LANE {
+        double first = b->first * at->sin[l], last = b->last * at->sin[l];
+        found[l] = -(at->z[l] + GREATER(first, last) + b->half * fabs(at->cos[l]));
+    }
+}
+
+/* How far the way in is over, `time` after detach: the lowest corner is `cup_insertion` below the rim; of a bin
+   the highest corner is at the rim, or the lowest at the bottom. */
+INLINE void overs(const scene *s, const double start[6], const object *o, const lane time, lane over)
+{
+    pose at;
+    lane below;
+    depths(s, start, o, time, over);
+    if (s->bin_depth < 0.0) {
+        EACH_LANE over[l] -= s->cup_insertion;
+        return;
+    }
+    flown(start, s->gravity, time, &at);
+    EACH_PART(o, &at, below, highest_of(&part, &there, found));
+    EACH_LANE {
+        double whole = s->cup_rim + below[l], deep = over[l] - s->bin_depth;
+        over[l] = GREATER(whole, deep);
+    }
+}
+
 /* Clearance of the corners of a bar, or of a capsule's axis, below the rim to the wall, and of the rim to it. */
 INLINE void clearance_of(const scene *s, double cup_x, const box *bar, const pose *at, lane found)
 {
@@ -518,15 +546,18 @@ INLINE void clearances(const scene *s, double cup_x, const double start[6], cons
     EACH_PART(o, &at, nearest, clearance_of(s, cup_x, &part, &there, found));
 }
 
-/* When between low and high [s] the depth passes a level. */
+/* When between low and high [s] the lowest corner passes a depth, or, `ends`, the way in is over. */
 INLINE double passes(const scene *s, const double start[6], const object *o, double low, double high,
-                     double level)
+                     double level, int ends)
 {
     for (int i = 0; i < BISECTIONS; i += 3) {
         /* Seven instants between the two: three bisections at once. */
         lane time, depth;
         EACH_LANE time[l] = low + (high - low) * (l + 1) / 8.0;
-        depths(s, start, o, time, depth);
+        if (ends)
+            overs(s, start, o, time, depth);
+        else
+            depths(s, start, o, time, depth);
         int first = 7;
         for (int l = 6; l >= 0; l--)
             if (depth[l] >= level)
@@ -539,8 +570,8 @@ INLINE double passes(const scene *s, const double start[6], const object *o, dou
 }
 
 /* Least clearance on the way into the cup, as a cup that moves sees it: from the lower end's passing the
-   rim's plane until it is `cup_insertion` below, the least distance of outline and wall or rim, negative
-   outside. -infinity for a bar that misses it. Where the outline passes the rim's height it is no nearer
+   rim's plane, or a plane `bin_lead` above it, until the way in is over (`overs`), the least distance of outline
+   and wall or rim, negative outside. -infinity for a bar that misses it. Where the outline passes the rim's height it is no nearer
    to the wall than the rim is to the bar. */
 INLINE double enter(const scene *s, double cup_x, const double from[6], double flight, const object *o)
 {
@@ -549,25 +580,31 @@ INLINE double enter(const scene *s, double cup_x, const double from[6], double f
         start[i] = from[i];
     start[0] += speed * flight;
     start[3] -= speed;
-    double times[COARSE], depth[COARSE];
+    double times[COARSE], depth[COARSE], over[COARSE], lead = -s->bin_lead;
     for (int k = 0; k < COARSE; k += LANES) {
-        lane time, found;
+        lane time, found, ended;
         EACH_LANE time[l] = (flight + BEYOND) * (k + l) / (COARSE - 1.0);
         depths(s, start, o, time, found);
+        overs(s, start, o, time, ended);
         EACH_LANE {
             times[k + l] = time[l];
             depth[k + l] = found[l];
+            over[k + l] = ended[l];
         }
     }
     int deep = 0, above = -1;
-    while (deep < COARSE && !(depth[deep] >= s->cup_insertion))
+    /* An object below a bin's rim outside, before it rises above it, is not in the bin. */
+    if (s->bin_depth >= 0.0)
+        for (int k = 0; k < COARSE && times[k] <= flight; k++)
+            deep = depth[k] < lead ? k : deep;
+    while (deep < COARSE && !(over[deep] >= 0.0))
         deep++;
     for (int k = 0; k < deep && deep < COARSE; k++)
-        above = depth[k] < 0.0 ? k : above;
+        above = depth[k] < lead ? k : above;
     if (above < 0)
         return -INFINITY;
-    double begin = passes(s, start, o, times[above], times[above + 1], 0.0), found = INFINITY;
-    double end = passes(s, start, o, times[deep - 1], times[deep], s->cup_insertion);
+    double begin = passes(s, start, o, times[above], times[above + 1], lead, 0), found = INFINITY;
+    double end = passes(s, start, o, times[deep - 1], times[deep], 0.0, 1);
     for (int round = 0; round < ROUNDS; round++) {
         double nearest = INFINITY, step = (end - begin) / (FINE - 1);
         int where = 0;

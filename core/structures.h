@@ -138,6 +138,8 @@ typedef struct {
     double tool_length;                       /* from the flange to the pads' centre */
     double cup_x, cup_rim, cup_radius, cup_insertion; /* a bar's radius is that at its width */
     double cup_speed;                         /* m/s */
+    double bin_depth, bin_lead; /* of a bin in the place of a cup: its depth, below 0 for a cup; how far above
+                                   the rim the way in begins */
 } scene;
 
 /* Links' masses [kg], CoM from their joints [m] and inertias about it [kg m^2], as `PlanarBody` of
@@ -147,7 +149,8 @@ typedef struct {
 } torques;
 
 /* `Solid` of models/robot/capsules.py: centre [m], rows of axes, half lengths [m] along them, radius [m]
-   around that; the clearance that is kept from it [m], and whether the bar keeps it too. */
+   around that; the clearance that is kept from it [m], and whether the bar keeps it too: 2 for a bin's wall, from
+   which a bar that flies keeps it until it comes down to the rim, the solid's top, for the last time. */
 typedef struct {
     double centre[3], axes[9], half[3], radius, clearance;
     int64_t bar;

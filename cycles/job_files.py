@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,13 @@ from ..problems import (
     Cost,
     InputError,
     Mistakes,
+    Obstacle,
     Scene,
     Section,
     check_angles,
     from_table,
     load_scene,
+    meanings,
     optional,
     quantity,
     scene_from_table,
@@ -24,14 +27,18 @@ from ..problems import (
     shipped_text,
     text_of,
     toml_tables,
+    unknown,
     within,
 )
+from ..problems import Bin as SceneBin
 
 #: Largest numbers of picks and bins.
 MOST_PICKS, MOST_BINS = 100, 100
 #: Sections of a scene that a pick, and a bin, may have for itself.
 PICK_SECTIONS = ("object", "contact", "grasp")
 BIN_SECTIONS = ("target", "cup", "landing", "tolerance")
+#: Keys of a scene's [bin], which a bin has beside its name.
+BIN_KEYS = tuple(meanings(SceneBin))
 #: Sections of a scene that only a plan of one throw follows.
 SINGLE_SECTIONS = ("rest", "choice", "robust")
 #: Weight [1/s] of the time in [cost] of a base without: the others hardly count beside it.
@@ -44,7 +51,9 @@ HOME = "throwplan.cycles"
 @dataclasses.dataclass(frozen=True)
 class Bin(Section):
     """Where objects are thrown: its target as in a scene's [target], a pose or a region, at rest or
-    moving from where it is when the cycle starts; a cup only if it has one of its own.
+    moving from where it is when the cycle starts; a cup only if it has one of its own. Or with the
+    keys of a scene's [bin], then without target all landings in it. The walls of all bins are
+    obstacles of each motion.
     """
 
     name: str = quantity("of the bin, for `bins` and messages")
@@ -119,7 +128,7 @@ class JobKeys(Section):
 class Jobs(JobKeys):
     """Picks and bins of one arm. Read from a file by `load_jobs`.
 
-    base: tables of the scene without target, cup and start; arm, gripper, contact, workspace,
+    base: tables of the scene without target, cup, bin and start; arm, gripper, contact, workspace,
     obstacles, tolerance, limits and cost are the scene's. base_scene: the same as it was read.
     """
 
@@ -192,7 +201,7 @@ class Jobs(JobKeys):
 
     def _mistakes(self, pick: Pick, one: Bin) -> list[str]:
         try:
-            self.scene_of(pick, one)
+            self._scene(pick, one)
         except InputError as error:
             return str(error).splitlines()
         return []
@@ -211,8 +220,28 @@ class Jobs(JobKeys):
         of_shape = ("width", "mesh") if "outline" in table else ()
         return {name: v for name, v in self.base.get(key, {}).items() if name not in of_shape}
 
+    @functools.cached_property
+    def _walls(self) -> dict[str, tuple[Obstacle, ...]]:
+        """The walls of each bin that has some, by its name."""
+        plain = dataclasses.replace(self.picks[0], sections={})
+        scenes = {one.name: self._scene(plain, one) for one in self.bins if "bin" in one.sections}
+        return {
+            name: tuple(
+                wall.changed(name=f"{wall.name} of {name}")
+                for wall in scene.bodies_around[len(scene.obstacle) :]
+            )
+            for name, scene in scenes.items()
+        }
+
     def scene_of(self, pick: Pick, one: Bin) -> Scene:
-        """The scene of a throw; its weights are those for little time, unless the base has some."""
+        """The scene of a throw, with the walls of other bins; its weights are those for little
+        time, unless the base has some."""
+        scene = self._scene(pick, one)
+        walls = [wall for name, own in self._walls.items() if name != one.name for wall in own]
+        return scene.replace(obstacle=(*scene.obstacle, *walls)) if walls else scene
+
+    def _scene(self, pick: Pick, one: Bin) -> Scene:
+        """The scene of a throw without other bins."""
         own = {key: self._kept(key, table) | table for key, table in pick.sections.items()}
         table = self.base | one.sections | own | {"name": self.name}
         scene = scene_from_table(table)
@@ -274,7 +303,7 @@ def jobs_from(tables: Mapping[str, Any], name: str, folder: Path | None = None) 
 
 
 def _base(name: str, folder: Path | None) -> tuple[dict[str, Any], Scene]:
-    """The scene's tables without target, cup and start, and the scene without a cup."""
+    """The scene's tables without target, cup, bin and start, and the scene without them."""
     path = folder / name if folder is not None and name.endswith(".toml") else name
     with within(f"scene = {name!r}"):
         scene = load_scene(path)
@@ -286,9 +315,9 @@ def _base(name: str, folder: Path | None) -> tuple[dict[str, Any], Scene]:
                 mistakes.lines.append(f"[{key}]: only a plan of one throw follows it: leave it out")
         mistakes.refuse()
     table["robot"] = {key: v for key, v in table["robot"].items() if key != "start_deg"}
-    for key in ("target", "cup", "description"):
+    for key in ("target", "cup", "bin", "description"):
         table.pop(key, None)
-    return table, scene.changed(cup=None)
+    return table, scene.changed(cup=None, bin=None)
 
 
 def _rows(key: str, kind: type[Any], sections: tuple[str, ...], value: Any) -> tuple[Any, ...]:
@@ -304,9 +333,15 @@ def _rows(key: str, kind: type[Any], sections: tuple[str, ...], value: Any) -> t
             for name, table in inner.items():
                 if not isinstance(table, Mapping):
                     wrong.lines.append(f"{name} = {table!r}: must be a section [{key}.{name}]")
-            if kind is Bin and "target" not in row:
-                wrong.lines.append("section [bin.target] is missing")
             own = {name: v for name, v in row.items() if name not in sections}
+            if kind is Bin:
+                known = ["name", *BIN_KEYS, *sections]
+                wrong.lines += [unknown(name, known) for name in own if name not in known]
+                own = {name: v for name, v in own.items() if name in known}
+                if walls := {name: own.pop(name) for name in BIN_KEYS if name in own}:
+                    inner["bin"] = walls
+                elif "target" not in row:
+                    wrong.lines.append("section [bin.target] is missing")
             with wrong.kept():
                 found.append(from_table(kind, own, sections=inner))
             wrong.refuse()

@@ -180,7 +180,7 @@ class _Throws:
         """The planner of a scene; one for all that differ in the target only."""
         for planner in self._planners:
             own = planner.scene
-            if own.fits(scene) and own.aimed_at(scene.aim).cup == scene.cup:
+            if own.fits(scene) and own.aimed_at(scene.aim).opening == scene.opening:
                 return planner
         self._planners.append(Planner(scene, library=False))
         return self._planners[-1]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from . import shapes
+from . import bins, shapes
 from .motion import ArmMotion, Array, HandMotion, Plane, rotation
 
 #: Number of instants of a flight at which the bar is checked.
@@ -122,6 +122,13 @@ class Bar:
         each = [np.minimum(*(end[:, 1] for end in c.placed(com))) - c.radius for c in self.capsules]
         return np.asarray(np.min(each, axis=0))
 
+    def highest(self, com: Array) -> Array:
+        """Height (K,) of the highest point."""
+        if not self.capsules:
+            return np.asarray(self.outline(com)[..., 1].max(axis=1))
+        each = [np.maximum(*(end[:, 1] for end in c.placed(com))) + c.radius for c in self.capsules]
+        return np.asarray(np.max(each, axis=0))
+
     def from_column(self, com: Array, radius: float, height: float) -> float:
         """Least of max(|x| - radius, z - height) on the outline."""
         if not self.capsules:
@@ -188,7 +195,8 @@ def may_overlap(arm: Any, i: int, j: int) -> float:
 
 @dataclass(frozen=True)
 class Solid:
-    """An obstacle: a box grown by a radius [m]; axes (3, 3) as rows."""
+    """An obstacle: a box grown by a radius [m]; axes (3, 3) as rows. wall: of a bin, from which an
+    object keeps its distance until it comes down to the rim for the last time."""
 
     name: str
     centre: Array
@@ -196,6 +204,7 @@ class Solid:
     half: Array
     radius: float
     clearance: float
+    wall: bool = False
 
     @classmethod
     def of(cls, o: Any) -> Solid:
@@ -221,6 +230,10 @@ class Around:
         self.scene, self.motion, self.ticks, self.speed = scene, motion, ticks, speed
         self.moved = motion if isinstance(motion, ArmMotion) else None
         self.solids = [Solid.of(o) for o in scene.obstacle]
+        if scene.bin is not None:
+            boxes = bins.BinWalls(scene.bin, motion.plane).boxes()
+            kept = scene.bin.clearance
+            self.solids += [Solid("bin wall", *box, 0.0, kept, wall=True) for box in boxes]
 
     def arm(self, planned: bool) -> dict[str, Found]:
         """Distances of the arm from floor, obstacles and itself."""
@@ -307,6 +320,9 @@ class Around:
         if scene.cup is not None:
             kept = max(scene.cup.clearance - CUP_NEAR, 0.0) if planned else 0.0
             found["cup"] = self._way_in(bar, flight), kept
+        if scene.bin is not None:
+            kept = max(scene.bin.clearance - CUP_NEAR, 0.0) if planned else 0.0
+            found["bin"] = bins.clearance(scene, self.motion.plane, bar, flight), kept
         for name, there, at in (
             ("held bar", poses, times),
             ("flying bar", way, flight.begins + since),
@@ -371,6 +387,12 @@ class Around:
                 # Its middle half may not be inside an obstacle.
                 lands = np.minimum(kept, np.maximum(away[-1], (MIDDLE - 1) * radius) - moved[-1])
                 kept = np.where(times > times[-1] - LANDS, lands, kept)
+                if solid.wall:
+                    # Nearer to the rim its edge counts, see `bins`.
+                    top = solid.centre[2] + solid.half[2] + solid.clearance + radius
+                    above = np.flatnonzero(np.minimum(*(end[:, 2] for end in axis)) >= top)
+                    if above.size:
+                        kept[above[-1] + 1 :] = -math.inf
             worst = int(np.argmin(away - kept))
             yield solid.name, float(away[worst]), float(kept[worst])
         ends, _, radii = self._capsules

@@ -229,7 +229,7 @@ class Oracle:
         scene, target, found = self.scene, self.scene.target, {}
         goal = self.target_x + self.speed * lands
         found["comes down"] = at_least(np.where(np.isfinite(landing[:, 2]), 1.0, -1.0), 0.0)
-        if scene.cup is None or planned:
+        if (scene.cup is None and scene.bin is None) or planned:
             error = np.abs(landing[:, 0] - goal) - target.half_widths[0]
             allowed = scene.tolerance.position
             found["position"] = at_most(error, allowed, LANDING[0] / allowed)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..models import Array
 from ..planner import Plan, throw_of, timeline
-from ..problems import Cup, InputError, Object
+from ..problems import Bin, Cup, InputError, Object
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,17 +78,17 @@ def draw_bars(axes: Axes, bar: Object, poses: Array, **look: Any) -> None:
     axes.autoscale_view()
 
 
-def cup_profile(cup: Cup) -> Array:
-    """Corners (4, 2) [m] of a cup in the throw's plane: down, along the bottom and up."""
-    bottom = cup.rim - cup.depth
-    sides = [cup.x - cup.radius] * 2 + [cup.x + cup.radius] * 2
+def cup_profile(cup: Cup | Bin) -> Array:
+    """Corners (4, 2) [m] of a cup or bin in the throw's plane: down, along the bottom and up."""
+    bottom, half = cup.rim - cup.depth, cup.half_opening()
+    sides = [cup.along - half] * 2 + [cup.along + half] * 2
     return np.column_stack([sides, [cup.rim, bottom, bottom, cup.rim]])
 
 
-def draw_cup(axes: Axes, cup: Cup, **look: Any) -> None:
-    """A cup's walls and bottom in the throw's plane; look: Matplotlib's settings of a line."""
+def draw_cup(axes: Axes, cup: Cup | Bin, **look: Any) -> None:
+    """Walls and bottom of a cup or bin in the throw's plane; look: Matplotlib's settings."""
     usual: dict[str, Any] = {"color": "#5b4a3f", "lw": 3, "solid_capstyle": "butt", "zorder": 2}
-    axes.plot(*cup_profile(cup).T, **{**usual, "label": "cup", **look})
+    axes.plot(*cup_profile(cup).T, **{**usual, "label": cup.KIND, **look})
 
 
 def draw_flight(axes: Axes, plan: Plan | Throw | str | pathlib.Path, **look: Any) -> None:

@@ -34,6 +34,7 @@ def draw_scene(scene: Scene, manipulator: Manipulator, reach: tuple[float, float
     """
     parts: list[Callable[[Axes, Scene], None]] = [_draw_object]
     parts += [_draw_cup] if scene.cup is not None else []
+    parts += [_draw_bin] if scene.bin is not None else []
     parts += [_draw_times]
     parts += [_draw_from_above] if scene.arm is not None else []
     names = scene.name, scene.description
@@ -158,6 +159,33 @@ def _draw_cup(axes: Axes, scene: Scene) -> None:
     axes.text(right + 0.3 * cup.radius, cup.rim, f" rim {cup.rim:g}", va="bottom", **look)
     axes.text(cup.x + 0.2 * cup.radius, target.z, f"target z {target.z:g}", va="bottom", **look)
     _schematic(axes, "[cup] and [target] [m]")
+
+
+def _draw_bin(axes: Axes, scene: Scene) -> None:
+    """The bin from above, the throw to the right: its inside, yaw, and the landings."""
+    into = scene.bin
+    assert into is not None
+    size = 1.2 * into.reach
+    axes.plot([-size, size], [0.0, 0.0], color=ARM, lw=1, ls=":")
+    if into.radius is not None:
+        angles = np.linspace(0.0, 2 * math.pi, 73)
+        corners = into.radius * np.array([np.cos(angles), np.sin(angles)])
+        _length(axes, (0.0, 0.0), (0.0, into.radius), f"radius {into.radius:g}")
+    else:
+        half, wide = (into.length or 0.0) / 2, (into.width or 0.0) / 2
+        cos, sin = math.cos(into.yaw), math.sin(into.yaw)
+        turn = np.array([[cos, -sin], [sin, cos]])
+        corners = turn @ (np.array([[1, 1, -1, -1, 1], [1, -1, -1, 1, 1]]) * [[half], [wide]])
+        place = [turn @ point for point in ([-half, -0.6 * wide], [half, -0.6 * wide])]
+        _length(axes, tuple(place[0]), tuple(place[1]), f"length {into.length:g}")
+        place = [turn @ point for point in ([0.6 * half, -wide], [0.6 * half, wide])]
+        _length(axes, tuple(place[0]), tuple(place[1]), f"width {into.width:g}")
+    axes.plot(*corners, color=BLACK, lw=2)
+    off, (half, _) = scene.aim.plane_x - into.along, scene.aim.half_widths
+    axes.plot([off - half, off + half], [0.0, 0.0], "|-", color=GREEN, ms=9)
+    yaw = f", yaw_deg {math.degrees(into.yaw):g}" if into.yaw else ""
+    words = f"rim {into.rim:g}, depth {into.depth:g}{yaw}"
+    _schematic(axes, f"[bin] from above, the throw to the right, and landings: {words} [m]")
 
 
 def _draw_times(axes: Axes, scene: Scene) -> None:

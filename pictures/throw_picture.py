@@ -149,8 +149,8 @@ def hand_corners(scene: Scene, pose: Array) -> Array:
 
 def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     """Target, cup, floor, base column, obstacles: where the plane cuts them, or beside it."""
-    if scene.cup is not None:
-        draw_cup(stage, scene.cup)
+    if scene.opening is not None:
+        draw_cup(stage, scene.opening)
     if scene.bounds.floor is not None:
         stage.axhline(scene.bounds.floor, color="#b0a99f", lw=1, ls="--", zorder=1, label="floor")
     if (column := column_of(scene)) is not None:
@@ -189,8 +189,8 @@ def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None
     """Equal axes around the moving bodies and fixed ones up to 0.4 m away; the legend below."""
     low, high = line.extent(scene)
     outlines = [outline for outline, _ in _outlines(scene, target)]
-    if scene.cup is not None:
-        outlines.append(cup_profile(scene.cup))
+    if scene.opening is not None:
+        outlines.append(cup_profile(scene.opening))
     if (column := column_of(scene)) is not None:
         outlines.append(np.array([[-column[0], 0.0], column]))
     if scene.bounds.floor is not None:

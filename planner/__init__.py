@@ -9,22 +9,22 @@ from .planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner, plan
 from .reach import MAP_FILES, MOST, ReachMap, check_map, reach_map
 from .rest import (
     COLUMN,
-    CUP_WALL,
     add_contacts,
-    add_cup,
     add_object,
+    add_opening,
     add_palm,
     add_solid,
     body_of,
-    enters_cup,
+    enters,
     floor_of,
     has_hand,
-    is_in_cup,
+    is_inside,
     is_still,
     load_mujoco,
     plane_poses,
     pose_of,
     set_contacts,
+    wall_name,
 )
 from .result import (
     NEAREST,

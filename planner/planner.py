@@ -292,7 +292,7 @@ class Planner:
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
         target = _checked_target(self.scene, checked("target", target, Pose | None, {}))
-        if self.scene.obstacle:
+        if self.scene.bodies_around:
             with self._lock:
                 check_obstacles(self.scene.aimed_at(target), self.manipulator)
         if self.scene.rest is not None:

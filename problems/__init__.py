@@ -28,6 +28,7 @@ from .arm_files import (
     load_arm,
     load_gripper,
 )
+from .bins import WALL, Bin
 from .calibration import Calibration
 from .checks import InputError, Mistakes, ThrowplanError, checked, within
 from .constraint import Constraint
@@ -50,9 +51,19 @@ from .files import (
 from .grip import Contact, Grasp, Gripper, Object, OutlinePart, held_object
 from .manipulators import Hand, Motion, Robot, Torque, check_angles
 from .poses import Pose, Region, ThrowPlane
-from .scene import SECTIONS, TOP_KEYS, Scene
+from .scene import SECTIONS, TOP_KEYS, Scene, obstacles_besides_bins
 from .scene_files import as_scene, load_scene, scene_from_table, scene_names, scene_text
-from .section import UNSET, Section, file_key, from_table, hints_of, optional, quantity, unknown
+from .section import (
+    UNSET,
+    Section,
+    file_key,
+    from_table,
+    hints_of,
+    meanings,
+    optional,
+    quantity,
+    unknown,
+)
 from .stl import SAME, Capsule, covered_mesh, distances, small_triangles, stl_bytes
 from .targets import Choice, Cost, Cup, Landing, Nlp, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import SHARES, Distribution, Robust, Uncertainty

@@ -10,7 +10,7 @@ import functools
 import inspect
 import math
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from ..models import Body, FlightLaw, PinchContact
 from ..models.release import SlidingPivot
 from ..models.robot import Arm
 from .arm_files import arm_table, load_arm, load_gripper
+from .bins import Bin
 from .calibration import Calibration
 from .checks import InputError, Mistakes, checked, within
 from .constraint import Constraint
@@ -34,8 +35,8 @@ GRID = 21
 MOVERS = ("hand", "robot", "motion")
 #: Sections that only a planned throw follows.
 PLANNED = (
-    *("tolerance", "cost", "choice", "cup", "landing", "workspace", "obstacle", "uncertainty"),
-    *("robust", "rest", "calibration", "nlp"),
+    *("tolerance", "cost", "choice", "cup", "bin", "landing", "workspace", "obstacle"),
+    *("uncertainty", "robust", "rest", "calibration", "nlp"),
 )
 #: Bounds of a scene without [workspace].
 UNBOUNDED = Workspace()
@@ -68,6 +69,7 @@ class Scene(Section):
     cost: Cost | None = None
     choice: Choice | None = None
     cup: Cup | None = None
+    bin: Bin | None = None
     landing: Landing | None = None
     workspace: Workspace | None = None
     obstacle: tuple[Obstacle, ...] = ()
@@ -99,6 +101,7 @@ class Scene(Section):
         if len(manipulators) != 1:
             raise InputError("give exactly one of [hand], [robot] and [motion]")
         self._load_arm(manipulators[0])
+        self._aim_at_bin()
         if self.motion is None and self.target is None:
             raise InputError("section [target] is missing")
         if self.target is not None and self.robot is None and self.target.y != 0:
@@ -110,6 +113,7 @@ class Scene(Section):
                 object.__setattr__(self, "arm", arm)
             object.__setattr__(self, "target", self.aim.with_lateral(self.arm.lateral))
         self._place_cup()
+        self._place_bin()
         mistakes = Mistakes()
         for words in self._void():
             mistakes.lines.append(words)
@@ -177,7 +181,7 @@ class Scene(Section):
         if self.target is None:
             raise InputError("[rest]: only for a scene with [target]")
         with within("[rest]", " "):
-            self.rest.check_place(self.cup, self.obstacle)
+            self.rest.check_place(self.cup, self.bin, self.obstacle)
 
     def _load_arm(self, manipulator: str) -> None:
         """The data of the arm named by [robot] or [motion], unless given."""
@@ -200,6 +204,46 @@ class Scene(Section):
         if self.target is None:
             raise InputError("[cup] key 'x' is missing: there is no target to stand at")
         object.__setattr__(self, "cup", cup.changed(x=self.target.plane_x))
+
+    def _aim_at_bin(self) -> None:
+        """Without [target] the landings in the bin are the target."""
+        if self.bin is None:
+            return
+        if self.cup is not None:
+            raise InputError("[cup] and [bin]: give only one of them")
+        with within("[bin]", " "):
+            self.bin.check_fits(self.object)
+            if self.bin.y and self.robot is None:
+                raise InputError("y: only for a scene with [robot]")
+        if self.target is None and self.motion is None:
+            object.__setattr__(self, "target", self.bin.target(self.object))
+
+    def _place_bin(self) -> None:
+        """The bin in the plane of the throw to the target."""
+        if self.bin is None or self.target is None:
+            return
+        with within("[bin]", " "):
+            object.__setattr__(self, "bin", self.bin.placed(self.target.plane))
+        self.bin.check_target(self.target)
+
+    @property
+    def opening(self) -> Cup | Bin | None:
+        """The cup or the bin that the object enters."""
+        return self.cup or self.bin
+
+    @property
+    def aims_at_bin(self) -> bool:
+        """Whether the target is that of [bin] without [target]."""
+        if self.bin is None or self.target is None:
+            return False
+        return self.target == self.bin.target(self.object).with_lateral(self.target.lateral)
+
+    @functools.cached_property
+    def bodies_around(self) -> tuple[Obstacle, ...]:
+        """The obstacles, and the bin's walls."""
+        if self.bin is None:
+            return self.obstacle
+        return (*self.obstacle, *self.bin.plates(self.aim.plane.azimuth))
 
     def _check_cup(self) -> None:
         cup = self.cup
@@ -244,6 +288,8 @@ class Scene(Section):
             raise InputError(*mistakes)
         if self._sources(changes) != self._sources({}):
             changes = {"arm": None} | changes
+        if self.aims_at_bin and changes.get("bin", self.bin) is not None:
+            changes = {"target": None} | changes
         scene = dataclasses.replace(self, **changes)
         if "cup" in changes or "target" in changes:
             scene.check_target_in_cup()
@@ -257,20 +303,30 @@ class Scene(Section):
         return [robot and robot.arm, motion and motion.arm, gripper and gripper.file]
 
     def aimed_at(self, target: Pose) -> Scene:
-        """The scene with another target; a cup moves in x and z with the target's middle."""
+        """The scene with another target; cup and bin move in x and z with the target's middle."""
         target = checked("target", target, Pose, {})
-        cup, old = self.cup, self.target
-        if cup is not None and old is not None:
+        cup, bin_, old = self.cup, self.bin, self.target
+        if old is not None:
             dx, dz = target.plane_x - old.plane_x, target.z - old.z
-            cup = cup.changed(x=cup.x + dx, rim=cup.rim + dz)
-        return self.changed(target=target, cup=cup)
+            if cup is not None:
+                cup = cup.changed(x=cup.x + dx, rim=cup.rim + dz)
+            if bin_ is not None and target != old:
+                bin_ = bin_.moved(bin_.along + dx, dz, target.plane)
+        return self.changed(target=target, cup=cup, bin=bin_)
 
     def fits(self, other: Scene) -> bool:
-        """Whether another scene differs at most in its target, in the cup's place, in names and in
-        places of files."""
-        mine, others = (scene.unnamed.changed(target=None, cup=None) for scene in (self, other))
-        cups = [scene.cup and scene.cup.changed(x=0.0, rim=0.0) for scene in (self, other)]
-        return mine == others and cups[0] == cups[1]
+        """Whether another scene differs at most in its target, in the place of cup or bin, in names
+        and in places of files."""
+        here = {"x": 0.0, "rim": 0.0}
+        mine, others = (
+            scene.unnamed.changed(
+                target=None,
+                cup=scene.cup and scene.cup.changed(**here),
+                bin=scene.bin and scene.bin.changed(**here, y=0.0, along=0.0),
+            )
+            for scene in (self, other)
+        )
+        return mine == others
 
     @property
     def unnamed(self) -> Scene:
@@ -294,6 +350,8 @@ class Scene(Section):
             changes["gripper"] = self.gripper.changed(sticking_margin=0.0)
         if self.cup is not None:
             changes["cup"] = self.cup.changed(clearance=0.0)
+        if self.bin is not None:
+            changes["bin"] = self.bin.changed(clearance=0.0)
         if self.bounds.palm_clearance is not None:
             changes["workspace"] = self.bounds.changed(palm_clearance=0.0)
         if self.obstacle:
@@ -473,6 +531,8 @@ class Scene(Section):
                 table[key] = [table_of(row) for row in section]
             elif section is not None:
                 table[key] = table_of(section)
+        if self.aims_at_bin:
+            table.pop("target")
         # `times` and `forces` have its rows.
         for key in ("table", "raw", "file"):
             table["gripper"].pop(key, None)
@@ -486,6 +546,17 @@ class Scene(Section):
     def place(self) -> str:
         """Name of the scene for messages: its file, or its name."""
         return Path(self.file).name if self.file else self.name
+
+
+def obstacles_besides_bins(scenes: Sequence[Scene]) -> tuple[Obstacle, ...]:
+    """The obstacles of the first of some scenes that are no walls of a bin of any of them: scenes
+    of a cycle have the walls of its other bins among their obstacles."""
+
+    def place(one: Obstacle) -> tuple[float, ...]:
+        return tuple(round(value, 9) for value in (*one.position, *one.size, one.yaw))
+
+    walls = {place(o) for one in scenes for o in one.bodies_around[len(one.obstacle) :]}
+    return tuple(o for o in scenes[0].obstacle if place(o) not in walls)
 
 
 #: Sections of a scene file, and their types.

@@ -87,7 +87,7 @@ def _scene_from(
                 raise InputError(unknown(key, [*TOP_KEYS, *SECTIONS]))
     if len(tables.keys() & MOVERS) != 1:
         mistakes.lines.append("give exactly one of [hand], [robot] and [motion]")
-    target = () if "motion" in tables else ("target",)
+    target = () if {"motion", "bin"} & tables.keys() else ("target",)
     for key in ("object", "contact", "gripper", *target):
         if key not in tables:
             mistakes.lines.append(f"section [{key}] is missing")

@@ -51,7 +51,7 @@ def optional(meaning: str, **limits: Any) -> Any:
 
 
 #: Words of users for keys.
-OTHER_WORDS = dict.fromkeys(("bin", "basket", "box", "bucket", "tray"), "cup")
+OTHER_WORDS = dict.fromkeys(("basket", "box", "bucket", "tray", "container"), "bin")
 #: Default of a number for which another value is taken.
 UNSET = float("nan")
 
@@ -215,7 +215,8 @@ def _plain(value: Any, degrees: bool) -> Any:
 def meanings(kind: type[Any]) -> dict[str, str]:
     """The meanings of the keys of a dataclass's table, for comments in files."""
     fields = dataclasses.fields(kind)
-    return {file_key(f.name, f.metadata): f.metadata["meaning"] for f in fields}
+    known = ((f.name, f.metadata) for f in fields if "meaning" in f.metadata)
+    return {file_key(name, about): about["meaning"] for name, about in known}
 
 
 def _radians(key: str, value: Any) -> Any:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
+from ..models import Flags
 from ..models.release import DECIDING
 from ..models.robot import Solid, about_z
 from .checks import InputError
@@ -91,12 +93,34 @@ class Cup(Section):
     )
     insertion: float = quantity("m; at most `depth`", above=0, default=0.05)
 
+    #: What messages call it.
+    KIND: ClassVar[str] = "cup"
+
     def check(self) -> None:
         """The insertion is at most the depth of the cup."""
         if self.insertion > self.depth:
             raise InputError(
                 f"insertion = {self.insertion:g}: must be at most the depth {self.depth:g}"
             )
+
+    @property
+    def along(self) -> float:
+        """x [m] of the centre in the throw's plane."""
+        return self.x
+
+    @property
+    def reach(self) -> float:
+        """Distance [m] of the wall's farthest point from the centre."""
+        return self.radius
+
+    def half_opening(self) -> float:
+        """Half its opening [m] in the throw's plane."""
+        return self.radius
+
+    def holds(self, along: Any, aside: Any) -> Flags:
+        """Flags (...) of the points between the walls, along and to the left of the throw's plane
+        [m]."""
+        return np.asarray(np.hypot(along - self.x, aside) < self.radius)
 
     def radius_for(self, thing: Object) -> float:
         """Inner radius [m] where the object is.
@@ -230,7 +254,7 @@ class Rest(Section):
     ContactNets, Pfrommer, Halm and Posa, 2020), and up to what rougher pairs have.
     """
 
-    in_: str | None = optional("the object is to rest inside the cup", choices=("cup",))
+    in_: str | None = optional("the object is to rest inside", choices=("cup", "bin"))
     on: str | None = optional("name of the obstacle on whose top it is to rest")
     within: float | None = optional(
         "m, largest horizontal distance of the resting CoM from the target", above=0
@@ -250,7 +274,7 @@ class Rest(Section):
         most=2,
         default=(0.15, 0.45),
     )
-    floor: float | None = optional("m, height of the ground; left out: under the cup, else 0")
+    floor: float | None = optional("m, height of the ground; left out: under cup or bin, else 0")
 
     def check(self) -> None:
         """One place, and ranges in order."""
@@ -261,10 +285,12 @@ class Rest(Section):
             if low > high:
                 raise InputError(f"{name} = [{low:g}, {high:g}]: the lowest comes first")
 
-    def check_place(self, cup: Cup | None, obstacles: Sequence[Obstacle]) -> None:
+    def check_place(
+        self, cup: Section | None, bin_: Section | None, obstacles: Sequence[Obstacle]
+    ) -> None:
         """InputError for a place that a scene does not have."""
-        if self.in_ is not None and cup is None:
-            raise InputError("in = 'cup': the scene has no [cup]")
+        if self.in_ is not None and {"cup": cup, "bin": bin_}[self.in_] is None:
+            raise InputError(f"in = {self.in_!r}: the scene has no [{self.in_}]")
         named = {obstacle.name: obstacle for obstacle in obstacles}
         if self.on is not None and self.on not in named:
             known = f"; obstacles: {', '.join(named)}" if named else ": the scene has none"
@@ -279,7 +305,7 @@ class Rest(Section):
         """The wanted place as text, after "rests"."""
         if self.within is not None:
             return f"within {1e3 * self.within:g} mm of the target"
-        return "in the cup" if self.in_ else f"on {self.on}"
+        return f"in the {self.in_}" if self.in_ else f"on {self.on}"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -209,7 +209,7 @@ def _landing_time(one: Carry) -> float:
 def _has_ended(one: Carry, states: Array) -> bool:
     """Whether an object, of which these are the last states (K, 14), lies in its cup, or has landed
     without one."""
-    if one.throw.scene.cup is None:
+    if one.throw.scene.opening is None:
         return bool(states[-1, 0] > one.detach_time and states[-1, 3] < one.throw.target.z)
     landed = states[-1, 0] > _landing_time(one)
     return bool(landed and is_still(states_in_plane(one, states)))

@@ -25,22 +25,22 @@ from ...pictures import (
     save_figure,
 )
 from ...planner import (
-    CUP_WALL,
     TICK,
     Carry,
     SentMotion,
     Source,
     Throw,
-    enters_cup,
-    is_in_cup,
+    enters,
+    is_inside,
     is_still,
     load_mujoco,
     outside_tolerance,
     plane_poses,
     pose_of,
     sent_motion,
+    wall_name,
 )
-from ...problems import Cup, InputError, Scene, checked, filling, plain, write_json
+from ...problems import Bin, Cup, InputError, Scene, checked, filling, plain, write_json
 from .motion import ObjectMotion, simulate_motion, states_in_plane
 from .world import FRICTION, of_bin
 
@@ -53,14 +53,16 @@ OTHERS: tuple[Other, ...] = get_args(Other)
 
 @dataclass(frozen=True)
 class ReplayEnd:
-    """The bar at the end of a replay into a cup.
+    """The bar at the end of a replay into a cup or bin.
 
-    inside: its CoM is inside the cup's radius and its lower end in the cup; for a bar that still
-    moves 4 s after landing, during the last second; at_rest: it does not move; entered: its lower
-    end was `insertion` below the rim at some time; touched_rim: it hit the wall before; pose: x, y,
-    z [m] and theta [rad], y across the throw's plane.
+    into: which of them; inside: its CoM is between the walls and its lower end in it; for a bar
+    that still moves 4 s after landing, during the last second; at_rest: it does not move; entered:
+    its lower end was `insertion` below the cup's rim, or its CoM in the bin, at some time;
+    touched_rim: it hit the wall before; pose: x, y, z [m] and theta [rad], y across the throw's
+    plane.
     """
 
+    into: str
     inside: bool
     entered: bool
     touched_rim: bool
@@ -73,14 +75,16 @@ class ReplayEnd:
         where = f"x {x:.3f} m, z {z:.3f} m, theta {math.degrees(theta):.1f} deg"
         if self.inside:
             state = "comes to rest" if self.at_rest else "still rocks, 4 s after landing,"
-            ending = f"{state} in the cup: {where}"
+            ending = f"{state} in the {self.into}: {where}"
         elif self.at_rest:
-            ending = f"does NOT end in the cup: it rests at {where}"
+            ending = f"does NOT end in the {self.into}: it rests at {where}"
         else:
-            ending = f"does NOT end in the cup: 4 s after landing it moves at {where}"
+            ending = f"does NOT end in the {self.into}: 4 s after landing it moves at {where}"
         if not (self.entered or self.touched_rim):
             return [ending, "does not go in at all"]
-        touch = "touches the cup's wall or rim" if self.touched_rim else "clears wall and rim"
+        touch = (
+            f"touches the {self.into}'s wall or rim" if self.touched_rim else "clears wall and rim"
+        )
         return [ending, f"{touch} on the way in"]
 
 
@@ -145,10 +149,12 @@ class ObjectReplay(ReadOnly):
 
     @property
     def assumed(self) -> str:
-        """Assumptions about the cup, in words."""
+        """Assumptions about cup or bin, in words."""
+        into = self.throw.scene.opening
+        assert into is not None
         kind = "steadily moving" if self.throw.target.speed else "fixed"
         return (
-            f"a {kind}, rigid cup, friction {FRICTION:g}; what hits it leaves with "
+            f"a {kind}, rigid {into.KIND}, friction {FRICTION:g}; what hits it leaves with "
             f"{self.restitution:g} of its speed"
         )
 
@@ -315,11 +321,11 @@ def _object_replay(carry: Carry, motion: ObjectMotion, restitution: float) -> Ob
     flying = times >= throw.detach_time
     landing, landed, aside = _landing_of(states[flying][0], com[:, flying][:, 0], throw)
     touched, rest, own = motion.touched["flying"], None, of_bin(carry.bin)
-    if scene.cup is not None:
+    if (into := scene.opening) is not None:
         at_rest = bool(is_still(states[-round(0.1 / TICK) :]))
-        walls = [at - begin for name, at in touched.items() if name == CUP_WALL + own]
+        walls = [at - begin for name, at in touched.items() if name == wall_name(into) + own]
         flown, wall = states[flying], min(walls, default=math.inf)
-        rest = _end_in_cup(scene, scene.cup, flown, wall, at_rest, com[2, flying][0])
+        rest = _end_inside(scene, into, flown, wall, at_rest, com[2, flying][0])
     elif math.isfinite(landed):
         # Nothing is known of what catches it.
         keep = times <= landed + TICK
@@ -330,7 +336,7 @@ def _object_replay(carry: Carry, motion: ObjectMotion, restitution: float) -> Ob
         name
         for name, at in touched.items()
         if not name.startswith("floor")
-        and not (name.startswith("cup ") and name.endswith(own))
+        and not (name.startswith(("cup ", "bin ")) and name.endswith(own))
         and not at - begin > landed
     )
     return ObjectReplay(
@@ -366,21 +372,21 @@ def _landing_of(
     return (float(end.x), height, float(end.theta)), float(detach[0] + duration), aside
 
 
-def _end_in_cup(
-    scene: Scene, cup: Cup, states: Array, wall: float, at_rest: bool, theta: float
+def _end_inside(
+    scene: Scene, into: Cup | Bin, states: Array, wall: float, at_rest: bool, theta: float
 ) -> ReplayEnd:
     """The end of a bar with MuJoCo's states (K, 14) in the throw's plane, with their times [s].
 
-    wall [s]: when it first touched the cup's wall, infinite if never. theta [rad]: see
+    wall [s]: when it first touched the wall, infinite if never. theta [rad]: see
     `plane_poses`.
     """
     times, at_end = states[:, 0], states[:, 0] >= states[-1, 0] - (0.0 if at_rest else 1.0)
     x, y, z = (float(value) for value in states[-1, 1:4])
-    inside = bool(is_in_cup(scene, cup, *pose_of(states[at_end])).all())
-    entered = times[enters_cup(scene, cup, *pose_of(states))]
+    inside = bool(is_inside(scene, into, *pose_of(states[at_end])).all())
+    entered = times[enters(scene, into, *pose_of(states))]
     rim = wall < entered.min(initial=math.inf)
     pose = x, y, z, float(plane_poses(states, theta)[2, -1])
-    return ReplayEnd(inside, entered.size > 0, bool(rim), at_rest, pose)
+    return ReplayEnd(into.KIND, inside, entered.size > 0, bool(rim), at_rest, pose)
 
 
 def _draw(replay: ObjectReplay, name: str, path: Path) -> None:
@@ -388,12 +394,13 @@ def _draw(replay: ObjectReplay, name: str, path: Path) -> None:
     scene, throw = replay.throw.scene, replay.throw
     title = f"{name}: thrown in MuJoCo"
     if replay.rest is not None:
-        title += f", ends {'in' if replay.rest.inside else 'outside'} the cup\n{replay.assumed}"
+        where = "in" if replay.rest.inside else "outside"
+        title += f", ends {where} the {replay.rest.into}\n{replay.assumed}"
     figure = new_figure(8, 6.4, title)
     axes = figure.subplots()
     bar = scene.object
-    if scene.cup is not None:
-        draw_cup(axes, scene.cup)
+    if scene.opening is not None:
+        draw_cup(axes, scene.opening)
     axes.plot(*replay.com[:2], color=BLACK, lw=1, zorder=4, label="CoM")
     opening = replay.times < replay.times[0] + throw.detach_time - throw.opening_time
     drawn = np.arange(len(replay.times)) % round(0.02 / TICK) == 0

@@ -14,8 +14,8 @@ from ...planner import (
     SentMotion,
     Solid,
     add_contacts,
-    add_cup,
     add_object,
+    add_opening,
     add_palm,
     add_solid,
     body_of,
@@ -24,7 +24,7 @@ from ...planner import (
     load_mujoco,
     set_contacts,
 )
-from ...problems import Scene
+from ...problems import Scene, obstacles_besides_bins
 
 #: Friction of objects against all but the pads.
 FRICTION = 0.4
@@ -209,7 +209,7 @@ def _add_around(spec: Any, scenes: list[Scene]) -> tuple[int, ...]:
         half = scene.bounds.column_height / 2
         size, place = [scene.bounds.column_radius, half, 0], [0, 0, half]
         spec.worldbody.add_geom(name=COLUMN, type=kinds.mjGEOM_CYLINDER, size=size, pos=place)
-    for number, obstacle in enumerate(scene.obstacle):
+    for number, obstacle in enumerate(obstacles_besides_bins(scenes)):
         # Several obstacles may have one name.
         add_solid(spec.worldbody, f"{number} obstacle {obstacle.name}", obstacle.solid)
     floors = [height for one in scenes if (height := floor_of(one)) is not None]
@@ -220,13 +220,13 @@ def _add_around(spec: Any, scenes: list[Scene]) -> tuple[int, ...]:
 
 
 def _add_bins(spec: Any, motion: SentMotion, mass: float) -> dict[str, tuple[float, float]]:
-    """The cup of each bin, which slides along its plane if its target moves; returns how those
-    move, as `belts` of a world."""
+    """The walls or the cup of each bin, which slides along its plane if its target moves; returns
+    how those move, as `belts` of a world."""
     slide, known = load_mujoco().mjtJoint.mjJNT_SLIDE, set[str]()
     belts = dict[str, tuple[float, float]]()
     for one in motion.carries:
-        throw, cup = one.throw, one.throw.scene.cup
-        if cup is None or one.bin in known:
+        throw, into = one.throw, one.throw.scene.opening
+        if into is None or one.bin in known:
             continue
         known.add(one.bin)
         plane, name = throw.target.plane, f"bin {one.bin}"
@@ -236,7 +236,7 @@ def _add_bins(spec: Any, motion: SentMotion, mass: float) -> dict[str, tuple[flo
             body.add_joint(name=name, type=slide, axis=[1, 0, 0])
             _weigh(body, mass, [mass] * 3)
             belts[name] = throw.target.speed, one.begin + throw.deciding.landing_time
-        add_cup(body, cup, of_bin(one.bin))
+        add_opening(body, into, of_bin(one.bin))
     return belts
 
 

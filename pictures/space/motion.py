@@ -79,8 +79,8 @@ class SpaceThrow:
     def extent(self) -> tuple[Array, Array]:
         """Least and largest (x, z) in the plane of what moves, the cup and an arm's base."""
         low, high = self.line.extent(self.scene)
-        if self.scene.cup is not None:
-            cup = cup_profile(self.scene.cup)
+        if self.scene.opening is not None:
+            cup = cup_profile(self.scene.opening)
             low, high = np.minimum(low, cup.min(axis=0)), np.maximum(high, cup.max(axis=0))
         if self.scene.arm is not None:
             low, high = np.minimum(low, [-0.1, 0.0]), np.maximum(high, [0.1, 0.0])

@@ -44,7 +44,7 @@ class PlayPage:
         """Add numbers, sliders, and the arrows that drag the target."""
         gui, scene, target = server.gui, self._scene, self._target
         # A hand throws along x only; a cup stays at its height.
-        axes = (True, scene.robot is not None, scene.cup is None)
+        axes = (True, scene.robot is not None, scene.opening is None)
         self.place = [
             gui.add_number(f"{name} [m]", getattr(target, name), step=0.001, visible=moves)
             for name, moves in zip("xyz", axes, strict=True)

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array, Indices
-from ...problems import Arm, DHRow, covered_mesh, placement
+from ...problems import Arm, Bin, DHRow, covered_mesh, obstacles_besides_bins, placement
 from ..style import ARM, BLACK, PHASES
 from .motion import SpaceMotion, SpaceThrow
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 #: Colour of links.
 LINK = "#7c8899"
-#: Colour of a cup.
+#: Colour of a cup or bin.
 CUP = "#b5713c"
 #: Colour of pads.
 PAD = "#20242b"
@@ -102,9 +102,10 @@ class ObjectView:
     def aim(self, target: Pose) -> None:
         """Moves target and cup to a target pose."""
         self.place(self.target, target)
-        cup = self.throw.scene.aimed_at(target).cup
-        if cup is not None:
-            self.cup.position = target.plane.points(cup.x, cup.rim)
+        into, plane = self.throw.scene.aimed_at(target).opening, target.plane
+        if into is not None:
+            self.cup.position = plane.points(into.along, into.rim)
+            self.cup.wxyz = (math.cos(plane.azimuth / 2), 0.0, 0.0, math.sin(plane.azimuth / 2))
 
     def place(self, node: Any, target: Pose) -> None:
         """Moves a node to a target pose."""
@@ -126,22 +127,32 @@ class ObjectView:
         return self.scene.add_box(name, rgb(colour), size, cast_shadow=cast, **place)
 
     def _draw_target(self) -> None:
-        """The target pose, and a cup: wall and bottom to look through, a solid rim."""
-        from trimesh.creation import revolve
+        """The target pose, and a cup or bin: wall and bottom to look through, a solid rim."""
+        from trimesh.creation import box, revolve
 
         self.target = self.scene.add_frame(f"{self.root}/target", show_axes=False)
         self.scene.add_icosphere(f"{self.root}/target/com", 0.008, rgb(BLACK))
         if self.throw.throw.target.theta is not None:
             self.add_bar(f"{self.root}/target/ghost", BLACK, 0.25)
-        cup = self.throw.scene.cup
-        if cup is None:
+        into = self.throw.scene.opening
+        if into is None:
             return
         self.cup = self.scene.add_frame(f"{self.root}/cup", show_axes=False)
         look = {"color": rgb(CUP), "side": "double", "cast_shadow": False, "receive_shadow": False}
+        if isinstance(into, Bin) and into.radius is None:
+            for number, plate in enumerate(into.changed(x=0.0, y=0.0, rim=0.0).plates(0.0)):
+                pose = np.eye(4)
+                pose[:3, :3], pose[:3, 3] = plate.solid.axes.T, plate.solid.centre
+                mesh, look["opacity"] = box(2 * plate.solid.half, pose), 0.6
+                self.scene.add_mesh_simple(
+                    f"{self.root}/cup/wall{number}", mesh.vertices, mesh.faces, **look
+                )
+            return
         # Profiles that are turned about z.
-        wall = np.array([[0.0, -cup.depth], [cup.radius, -cup.depth], [cup.radius, 0.0]])
+        reach, deep = into.reach, into.depth
+        wall = np.array([[0.0, -deep], [reach, -deep], [reach, 0.0]])
         angle, half = np.linspace(0.0, 2 * np.pi, 13), SHAPES.rim / 2
-        ring = np.column_stack([cup.radius + half * (1 + np.cos(angle)), half * np.sin(angle)])
+        ring = np.column_stack([reach + half * (1 + np.cos(angle)), half * np.sin(angle)])
         for name, profile, opacity in (("wall", wall, 0.45), ("rim", ring, None)):
             mesh, look["opacity"] = revolve(profile, sections=48), opacity
             self.scene.add_mesh_simple(f"{self.root}/cup/{name}", mesh.vertices, mesh.faces, **look)
@@ -169,13 +180,13 @@ class View(ObjectView):
     def __init__(self, server: Any, motion: SpaceMotion) -> None:
         super().__init__(server, motion.throws[0])
         self.floor, self.objects = math.inf, list[ObjectView]([self])
-        self._draw_surroundings()
+        self._draw_surroundings(motion)
         self.joints = self._draw_arm()
         self.hand, self.pads = self._draw_hand()
-        drawn = [(self.throw.throw.target, self.throw.scene.cup)]
+        drawn = [(self.throw.throw.target, self.throw.scene.opening)]
         for number, throw in enumerate(motion.throws[1:], start=2):
             # A bin is drawn once.
-            target = throw.throw.target, throw.scene.cup
+            target = throw.throw.target, throw.scene.opening
             one = ObjectView(server, throw, f"/object{number}", target not in drawn)
             if target not in drawn:
                 one.aim(throw.throw.target)
@@ -277,7 +288,7 @@ class View(ObjectView):
         pads = [self.scene.add_box(f"/hand/pad{k}", rgb(PAD), dimensions=size) for k in (1, 2)]
         return node, [self._body(pad) for pad in pads]
 
-    def _draw_surroundings(self) -> None:
+    def _draw_surroundings(self, motion: SpaceMotion) -> None:
         """Base column and obstacles."""
         from trimesh.creation import box, capsule
 
@@ -287,7 +298,8 @@ class View(ObjectView):
             glass: dict[str, Any] = {"opacity": 0.25, "cast_shadow": False}
             at = (0.0, 0.0, height / 2)
             self.scene.add_cylinder("/column", radius, height, rgb("#c9c2b8"), position=at, **glass)
-        for number, obstacle in enumerate(scene.obstacle):
+        throws = [throw.scene for throw in motion.throws]
+        for number, obstacle in enumerate(obstacles_besides_bins(throws)):
             solid, pose = obstacle.solid, np.eye(4)
             pose[:3, :3], pose[:3, 3] = solid.axes.T, solid.centre
             # A box, or a ball that is as long as a capsule.

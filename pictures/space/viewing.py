@@ -14,8 +14,8 @@ from .server import open_browser, run_panel, serving
 
 
 def motion_to_rest(plan: Source) -> tuple[SpaceMotion, str]:
-    """A motion over time until its last object lies, in its cup if it has one, and the reason if
-    objects stop at their targets.
+    """A motion over time until its last object lies, in its cup or bin if it has one, and the
+    reason if objects stop at their targets.
 
     InputError for what has no motion, and for a throw that does not land.
     """
@@ -33,12 +33,12 @@ def motion_to_rest(plan: Source) -> tuple[SpaceMotion, str]:
 
 
 def _throw_to_rest(throw: Throw) -> tuple[SpaceThrow, str]:
-    """A throw over time until it rests in its cup, and the reason if it stops at the target."""
+    """A throw over time until it rests in its cup or bin, and the reason if it stops before."""
     if not throw.lands:
         raise InputError("the throw never falls to the target's height")
     scene, rest, why = throw.scene, throw.scene.rest, ""
-    if rest is None and scene.cup is not None:
-        rest = Rest(in_="cup")
+    if rest is None and scene.opening is not None:
+        rest = Rest(in_=scene.opening.KIND)
     if rest is not None and not throw.target.speed:
         try:
             load_mujoco("view")
@@ -51,9 +51,9 @@ def view(plan: Source, port: int = 8080, hold: float | None = None, browser: boo
     """Show a motion in 3-D on a page of this machine; needs the extra `view`.
 
     plan: a plan, a throw, a cycle, a sent motion, or the path of their file or of its folder. An
-    object that lands in a cup falls on into it with the extra `mujoco`. Serves for `hold` seconds,
-    or until interrupted (Ctrl-C, a notebook's stop). InputError without a throw that lands, and for
-    a port that is not available.
+    object that lands in a cup or bin falls on into it with the extra `mujoco`. Serves for `hold`
+    seconds, or until interrupted (Ctrl-C, a notebook's stop). InputError without a throw that
+    lands, and for a port that is not available.
     """
     port = checked("port", port, int, {"least": 1, "most": 65535})
     hold = checked("hold", hold, float | None, {"above": 0})

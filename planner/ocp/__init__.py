@@ -24,6 +24,6 @@ from .request import (
 )
 from .scene_constraint import BRAKE_SHARE
 from .solver import Solution, Solver, TimeLimitError, WarmStart, processor_time, run_limited
-from .stages import Block, Layout
+from .stages import TURN, Block, Layout
 from .terms.landing import CUP_MARGINS, lower_end
 from .terms.workspace import PASSING_MARGIN

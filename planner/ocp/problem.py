@@ -20,6 +20,7 @@ Subject to  bounds of states and controls                          variable_boun
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,7 +30,7 @@ from ...models import Trajectory
 from ...models.robot import PlanarHand
 from .request import Request, Weights
 from .scene_constraint import Brake, Flight, Instant, SceneConstraint, gripped_instants
-from .stages import DDQ, DQ, JERK, JERK_UNIT, PLACE, REL, SLACKS, T_F, Block, Q, Stage, T
+from .stages import DDQ, DQ, JERK, JERK_UNIT, PLACE, REL, SLACKS, T_F, TURN, Block, Q, Stage, T
 from .transcription import Hand, Interval, Node, Ocp
 
 #: Shortest carry and longest flight [s] of a plan.
@@ -50,6 +51,7 @@ def variable_bounds(request: Request) -> dict[str, tuple[Any, Any]]:
         "T": (max(command, CARRY_MIN), scene.nlp.carry_max),
         "t_f": (0.0, FLIGHT_MAX),
         PLACE.name: (-1.0, 1.0),
+        TURN.name: (0.0, math.pi / 2),
         **{slack.name: (0.0, ca.inf) for slack in SLACKS},
     }
 

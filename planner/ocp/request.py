@@ -88,7 +88,7 @@ def _remedy_for(finding: Finding, throw: Throw) -> Remedy | None:
             assert finding.time is not None
             early = finding.time - throw.detach_time <= PALM_TIMES[-1]
             return Remedy(("flight", "return") if early else ("return",), margin=PALM)
-        case Code.CUP_WALL:
+        case Code.CUP_WALL | Code.BIN_WALL:
             return Remedy(("flight",), margin=CUP)
         case Code.COLLISION:
             return Remedy(body=finding.body, margin=CLEAR)

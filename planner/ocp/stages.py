@@ -110,6 +110,10 @@ ACC = Block("acc")
 T_F = Block("t_f", "flight time")
 #: The landing in a region: from -1 at the lowest to 1 at the highest x (index 0), theta (1).
 PLACE = Block("place")
+#: Room between object and walls of a bin, a share of its half opening.
+ROOM = Block("room")
+#: Angles [rad] below the horizontal of normals that part the object from a bin's rim.
+TURN = Block("turn")
 #: Slacks of an elastic landing below and above its target, of x [m] (index 0) and theta [rad] (1).
 SLACKS = (Block("undershoot"), Block("overshoot"))
 

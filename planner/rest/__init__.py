@@ -5,11 +5,10 @@ Needs the extra `mujoco`, which only scenes with [rest] and replays import.
 
 from .contact_model import (
     COLUMN,
-    CUP_WALL,
     ContactModel,
     add_contacts,
-    add_cup,
     add_object,
+    add_opening,
     add_palm,
     add_solid,
     body_of,
@@ -19,5 +18,6 @@ from .contact_model import (
     plane_poses,
     pose_of,
     set_contacts,
+    wall_name,
 )
-from .rollouts import Ends, enters_cup, entry_states, is_in_cup, is_still, rest_motion, roll_to_rest
+from .rollouts import Ends, enters, entry_states, is_inside, is_still, rest_motion, roll_to_rest

@@ -12,17 +12,15 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, Indices
-from ...models.robot import Solid
-from ...problems import Cup, InputError, Object, Scene
+from ...models.robot import Solid, about_z
+from ...problems import WALL, Bin, Cup, InputError, Object, Scene
 from ...problems.stl import mesh_parts, read_stl
 from ..verdict import reach_of_bar
 
-#: Thickness [m] of the cup's wall and bottom.
-WALL = 0.005
-#: Number of boxes in the cup's wall.
+#: Number of boxes in a round wall.
 BOXES = 48
 #: Names of bodies.
-HAND, COLUMN, CUP_WALL = "hand", "base column", "cup wall"
+HAND, COLUMN = "hand", "base column"
 #: Stiffness [1/s^2] of contacts: lifts a body that sank in by 2 mm at 2.5 mm/s at most.
 LIFT = 2500.0
 #: Share of the demanded acceleration that a contact reaches; MuJoCo allows no more.
@@ -174,16 +172,17 @@ def body_of(geom: str) -> str:
 
 
 def floor_of(scene: Scene) -> float | None:
-    """Height [m] of the ground: that of [rest], else under a cup, else 0; None without [rest]."""
+    """Height [m] of the ground: that of [rest], else under cup or bin, else 0; None without
+    [rest]."""
     if scene.rest is not None and scene.rest.floor is not None:
         return scene.rest.floor
-    if scene.cup is not None:
-        return scene.cup.rim - scene.cup.depth - WALL
+    if scene.opening is not None:
+        return scene.opening.rim - scene.opening.depth - WALL
     return 0.0 if scene.rest is not None else None
 
 
 def _add_around(spec: Any, scene: Scene) -> None:
-    """The floor, the cup and the obstacles."""
+    """The floor, cup or bin, and the obstacles."""
     kinds, floor = load_mujoco().mjtGeom, floor_of(scene)
     middle = 0.0 if scene.target is None else scene.target.plane_x
     if floor is not None:
@@ -193,8 +192,8 @@ def _add_around(spec: Any, scene: Scene) -> None:
         spec.worldbody.add_geom(
             name="floor", type=kinds.mjGEOM_PLANE, size=[beyond, beyond, 1.0], pos=place
         )
-    if scene.cup is not None:
-        add_cup(spec.worldbody, scene.cup)
+    if scene.opening is not None:
+        add_opening(spec.worldbody, scene.opening)
     for number, obstacle in enumerate(scene.obstacle):
         # Several obstacles may have one name.
         name = f"{number} obstacle {obstacle.name}"
@@ -214,26 +213,41 @@ def add_solid(body: Any, name: str, solid: Solid) -> None:
     body.add_geom(name=name, type=kind, size=size, pos=solid.centre, quat=quat)
 
 
-def add_cup(body: Any, cup: Cup, name: str = "") -> None:
-    """A round wall of boxes on a plate, in the throw's plane; name: after its geoms' own."""
-    kinds, half, outer = load_mujoco().mjtGeom, cup.depth / 2, cup.radius + WALL
-    bottom = cup.rim - cup.depth
+def wall_name(into: Cup | Bin) -> str:
+    """The name of its wall, without number."""
+    return f"{into.KIND} wall"
+
+
+def add_opening(body: Any, into: Cup | Bin, name: str = "") -> None:
+    """The wall of a cup or a bin, of boxes on a plate, in the throw's plane; name: after its
+    geoms' own."""
+    bottom, kind = into.rim - into.depth, load_mujoco().mjtGeom.mjGEOM_BOX
+    turn = 0.0
+    if isinstance(into, Bin) and into.length is not None and into.width is not None:
+        walls = [plate.solid for plate in into.changed(x=into.along, y=0.0).plates(0.0)]
+        outer, turn = [into.length / 2 + WALL, into.width / 2 + WALL], into.yaw
+    else:
+        walls, outer = _round_wall(into), [into.reach + WALL] * 2
     body.add_geom(
-        name=f"cup bottom{name}",
-        type=kinds.mjGEOM_BOX,
-        size=[outer, outer, WALL / 2],
-        pos=[cup.x, 0.0, bottom - WALL / 2],
+        name=f"{into.KIND} bottom{name}",
+        type=kind,
+        size=[*outer, WALL / 2],
+        pos=[into.along, 0.0, bottom - WALL / 2],
+        quat=[math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2)],
     )
-    size, away = [WALL / 2, outer * math.tan(math.pi / BOXES), half], cup.radius + WALL / 2
+    for k, wall in enumerate(walls):
+        add_solid(body, f"{k} {wall_name(into)}{name}", wall)
+
+
+def _round_wall(into: Cup | Bin) -> list[Solid]:
+    """Boxes around a round opening, in the throw's plane."""
+    half, away = into.depth / 2, into.reach + WALL / 2
+    size, found = [WALL / 2, (into.reach + WALL) * math.tan(math.pi / BOXES), half], list[Solid]()
     for k in range(BOXES):
         turn = 2 * math.pi * k / BOXES
-        body.add_geom(
-            name=f"{k} {CUP_WALL}{name}",
-            type=kinds.mjGEOM_BOX,
-            size=size,
-            pos=[cup.x + away * math.cos(turn), away * math.sin(turn), bottom + half],
-            quat=[math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2)],
-        )
+        place = into.along + away * math.cos(turn), away * math.sin(turn), into.rim - half
+        found.append(Solid(np.array(place), about_z(turn).T, np.array(size), 0.0))
+    return found
 
 
 def add_palm(body: Any, scene: Scene) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array, Flags, FlightState
-from ...problems import Cup, Object, Scene
+from ...problems import Bin, Cup, Object, Scene
 from ..verdict import reach_of_bar
 from .contact_model import ContactModel, floor_of, load_mujoco, plane_poses, pose_of
 
@@ -70,7 +70,7 @@ def entry_states(scene: Scene, detach: Array) -> tuple[Array, Array]:
     """
     flight, bar = scene.flight, scene.object
     heights = [floor_of(scene) or 0.0]
-    heights += [] if scene.cup is None else [scene.cup.rim]
+    heights += [] if scene.opening is None else [scene.opening.rim]
     for obstacle in scene.obstacle:
         heights.append(float(obstacle.solid.support(np.array([[0.0, 0.0, 1.0]]))[0]))
     reach = max(bar.com, bar.length - bar.com) + bar.width
@@ -111,8 +111,9 @@ def _roll(
             now[running] = path[:, -1]
             at_rest[running] = is_still(path[:, -round(SETTINGS.still_time / SETTINGS.step) :])
             com, *directions = pose_of(path)
-            if scene.cup is not None:
-                entered[running] |= enters_cup(scene, scene.cup, com, *directions).any(axis=1)
+            if scene.opening is not None:
+                inside = enters(scene, scene.opening, com, *directions)
+                entered[running] |= inside.any(axis=1)
             falls = path[:, -1, 10] < 0.0
             lost[running] = falls & _is_lost(scene, com[:, -1])
             there = _is_there(scene, com, *directions).all(axis=1)
@@ -149,7 +150,7 @@ def rest_motion(scene: Scene, detach: FlightState) -> RestMotion:
     if ends.where_wanted(scene)[0]:
         words = f"{'rests' if ends.at_rest[0] else 'still rocks'} {rest.place}"
     elif rest.in_ is not None and ends.entered[0]:
-        words = "bounces out of the cup"
+        words = f"bounces out of the {rest.in_}"
     else:
         words = f"does not rest {rest.place}"
     return RestMotion(times, poses, words)
@@ -187,18 +188,21 @@ def _lowest(scene: Scene, com: Array, axis: Array, up: Array) -> Array:
     return np.asarray(com[..., 2] + ends - corner)
 
 
-def is_in_cup(scene: Scene, cup: Cup, com: Array, axis: Array, up: Array) -> Flags:
-    """Flags (...): CoM inside the cup's radius, lower end in the cup; com, axis, up (..., 3)."""
+def is_inside(scene: Scene, into: Cup | Bin, com: Array, axis: Array, up: Array) -> Flags:
+    """Flags (...): CoM between the walls, lower end in cup or bin; com, axis, up (..., 3)."""
     low = _lowest(scene, com, axis, up)
-    inside = np.hypot(com[..., 0] - cup.x, com[..., 1]) < cup.radius
+    inside = into.holds(com[..., 0], com[..., 1])
     sunk = _sunk(scene.object)
     # A bar that lies on the rim is not in the cup.
-    return np.asarray(inside & (cup.rim - cup.depth - sunk <= low) & (low < cup.rim - sunk))
+    return np.asarray(inside & (into.rim - into.depth - sunk <= low) & (low < into.rim - sunk))
 
 
-def enters_cup(scene: Scene, cup: Cup, com: Array, axis: Array, up: Array) -> Flags:
-    """Flags (...) of the bars whose lower end is in the cup, `insertion` below the rim."""
-    depth, bar = cup.rim - _lowest(scene, com, axis, up), scene.object
+def enters(scene: Scene, into: Cup | Bin, com: Array, axis: Array, up: Array) -> Flags:
+    """Flags (...) of the bars whose lower end is in the cup, `insertion` below the rim, or whose
+    CoM is in the bin."""
+    if isinstance(into, Bin):
+        return np.asarray(into.holds(com[..., 0], com[..., 1]) & (com[..., 2] < into.rim))
+    depth, bar = into.rim - _lowest(scene, com, axis, up), scene.object
     if bar.outline:
         ends = bar.capsules[:, :4].reshape(-1, 2) - [bar.com, 0.0]
         along, across = np.moveaxis(ends[_heights(bar, axis, up).argmin(axis=-1)], -1, 0)
@@ -206,20 +210,20 @@ def enters_cup(scene: Scene, cup: Cup, com: Array, axis: Array, up: Array) -> Fl
     else:
         lower = np.where(axis[..., 2] < 0, bar.length - bar.com, -bar.com)
         low = com + lower[..., None] * axis
-    near = np.hypot(low[..., 0] - cup.x, low[..., 1]) < cup.radius
-    return np.asarray((depth >= cup.insertion) & near)
+    return np.asarray((depth >= into.insertion) & into.holds(low[..., 0], low[..., 1]))
 
 
 def _is_lost(scene: Scene, com: Array) -> Flags:
-    """Flags (N,) of bars below the wanted cup or obstacle and beside it; falling, they stay out."""
-    rest, cup = scene.rest, scene.cup
+    """Flags (N,) of bars below the wanted place and beside it; falling, they stay out."""
+    rest, into = scene.rest, scene.opening
     assert rest is not None
     if rest.on is not None:
         return np.asarray(com[:, 2] < _top(scene, rest.on)[0] - reach_of_bar(scene.object))
-    if rest.in_ is None or cup is None:
+    if rest.in_ is None or into is None:
         return np.zeros(len(com), bool)
-    beside = np.hypot(com[:, 0] - cup.x, com[:, 1]) > cup.radius + 2 * scene.object.half_length
-    return np.asarray(beside & (com[:, 2] < cup.rim))
+    beyond = into.reach + 2 * scene.object.half_length
+    beside = np.hypot(com[:, 0] - into.along, com[:, 1]) > beyond
+    return np.asarray(beside & (com[:, 2] < into.rim))
 
 
 def _is_there(scene: Scene, com: Array, axis: Array, up: Array) -> Flags:
@@ -227,8 +231,8 @@ def _is_there(scene: Scene, com: Array, axis: Array, up: Array) -> Flags:
     rest = scene.rest
     assert rest is not None
     if rest.in_ is not None:
-        assert scene.cup is not None
-        return is_in_cup(scene, scene.cup, com, axis, up)
+        assert scene.opening is not None
+        return is_inside(scene, scene.opening, com, axis, up)
     if rest.on is not None:
         height, over = _top(scene, rest.on)
         lowest = _lowest(scene, com, axis, up)

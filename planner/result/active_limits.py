@@ -32,6 +32,8 @@ ADVICE = {
     "landing rate": ("[landing] rate_max", "wider bounds in [landing]"),
     "cup depth": ("[cup] insertion", "less [cup] insertion"),
     "cup clearance": ("[cup] clearance", "a wider cup, less [cup] clearance"),
+    "bin": ("[bin] x", "a larger bin, a nearer or lower one"),
+    "bin clearance": ("[bin] clearance", "a larger bin, less [bin] clearance"),
     "collision": ("[[obstacle]] clearance", "another angle, or move the obstacle"),
     "floor": ("[workspace] floor", "lower [workspace] floor"),
     "base column": ("[workspace] column_radius", "another angle, a smaller column"),

@@ -159,17 +159,26 @@ def margins(throw: Throw) -> list[tuple[float, str]]:
     if scene.tool_speed is not None:
         used("tool speed", float(measures.value("speed")[0]), scene.tool_speed, "m/s", 2)
     floor, column = scene.bounds.floor, None if column_of(scene) is None else 0.0
+    room = scene.opening
     for name, keys, least, height in (
-        ("cup's wall", ("cup",), None if scene.cup is None else scene.cup.clearance, 0.0),
+        (
+            "wall" if room is None else f"{room.KIND}'s wall",
+            ("cup",),
+            None if room is None else room.clearance,
+            0.0,
+        ),
         ("palm", ("palm",), scene.palm_clearance, 0.0),
         ("base column", ("column_held", "column_flown"), column, 0.0),
         ("floor", ("arm", "held"), None if floor is None else 0.0, floor or 0.0),
     ):
-        distance = min(float(measures.value(key)[0]) for key in keys) - height
+        gaps = [measures.value(key) for key in keys]
+        if keys == ("cup",) and scene.bin is not None:
+            gaps = [scene.bin.distance(scene.object, gaps[0])]
+        distance = min(float(gap[0]) for gap in gaps) - height
         if least is not None and math.isfinite(distance):
-            room = max(distance - least, 0.0)
+            left = max(distance - least, 0.0)
             words = f"{name} {1e3 * distance:.0f} mm (least {1e3 * least:.0f})"
-            found.append((room / (room + NEAR), words))
+            found.append((left / (left + NEAR), words))
     return sorted(found)
 
 
@@ -230,8 +239,8 @@ def _often(plan: Plan) -> list[str]:
     if words := _at_bounds(plan):
         cure = "--robust aims inside" if robust else "throwplan map shows what is in reach"
         facts.append(f"{words}: {cure}")
-    if plan.scene.cup is not None and plan.rests is None:
-        facts.append("staying in the cup is not counted ([rest] does)")
+    if (into := plan.scene.opening) is not None and plan.rests is None:
+        facts.append(f"staying in the {into.KIND} is not counted ([rest] does)")
     return facts
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ...models import Array, FlightState, Trajectory
 from ...models.release import ReleaseCase, relative_states
 from ...problems import Scene
-from ..ocp import Block, Refinement, Request, ThrowNlp, lower_end
+from ..ocp import TURN, Block, Refinement, Request, ThrowNlp, lower_end
 from ..result import PlannedThrow
 from ..throw import NO_SAMPLES, TICK, Manipulator, Throw
 
@@ -79,7 +79,8 @@ def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow) -> Array:
             # The flights of other openings start at the window's end.
             late = times[-1] - times[s.detach]
             return flight if block.index == 0 else flight - late
-        return 0.0
+        # Normals that part an object from a bin's rim are not at their bounds.
+        return math.pi / 4 if block.name == TURN.name else 0.0
 
     return nlp.decision_vector(times, list(throw.planned.at(times)), relative, other)
 

@@ -139,6 +139,9 @@ class Search:
             if isinstance(start, Elastic):
                 gained = len(self.found) > before or self.least_miss < miss
                 vain = 0 if gained else vain + 1
+            # Two starts that lead to one throw into a bin have found the best of it.
+            if one.hits and len(self.found) == before and task.scene.bin is not None:
+                break
             # Asked before the next start is made, which takes a third of an easy plan's time.
             if self.is_over(vain):
                 break

@@ -104,8 +104,8 @@ def same_end(task: Task, landed: Array, theta: float) -> Flags:
 
 def _arrivals(task: Task) -> Iterator[Callable[[Releases, Array], Flags]]:
     """Conditions on the way to the target: releases enter a cup with the end first that the target
-    has, land on the target's side of the base column, enter the cup at their landing, and clear arm
-    and column.
+    has, land on the target's side of the base column, enter cup or bin at their landing, and clear
+    arm and column.
 
     Each gives the flags (N,) of the releases that keep it, for these and landing (N, 3): x [m],
     theta [rad] and flight time [s].
@@ -116,7 +116,7 @@ def _arrivals(task: Task) -> Iterator[Callable[[Releases, Array], Flags]]:
         yield lambda _, landing: same_end(task, landing[:, 1], theta)
     if has_column:
         yield lambda _, landing: np.sign(landing[:, 0]) == np.sign(target.plane_x)
-    if scene.cup is not None:
+    if scene.opening is not None:
         yield lambda releases, landing: lands_well(scene, releases.detach, landing)
     yield lambda releases, _: releases.clear
     if has_column:

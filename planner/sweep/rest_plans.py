@@ -92,9 +92,10 @@ def _landing(plan: Plan) -> Array:
 
 
 def check_rest(scene: Scene) -> None:
-    """InputError for a scene with [rest] without MuJoCo, or with its ground above target or cup."""
+    """InputError for a scene with [rest] without MuJoCo, or with its ground above the target or the
+    bottom of cup or bin."""
     load_mujoco()
-    floor, target, cup, rest = floor_of(scene), scene.aim, scene.cup, scene.rest
+    floor, target, cup, rest = floor_of(scene), scene.aim, scene.opening, scene.rest
     assert floor is not None and rest is not None
     given = "" if rest.floor is not None else " (0 where none is given)"
     if floor >= target.z:
@@ -103,7 +104,8 @@ def check_rest(scene: Scene) -> None:
         )
     if cup is not None and floor > cup.rim - cup.depth:
         raise InputError(
-            f"[rest] floor = {floor:g}: must be at most the cup's bottom, {cup.rim - cup.depth:g}"
+            f"[rest] floor = {floor:g}: must be at most the {cup.KIND}'s bottom, "
+            f"{cup.rim - cup.depth:g}"
         )
 
 

@@ -100,7 +100,7 @@ class Sweep(ReadOnly):
             "assumed": [f"uncertainty.{name}" for name in scene.assumed_spreads],
             "success": _rate(self.success),
             "in_tolerance": _rate(self.landings.in_tolerance),
-            "in_cup": None if scene.cup is None else _rate(self.landings.in_cup),
+            "in_cup": None if scene.opening is None else _rate(self.landings.in_cup),
             **self._rest_entries(),
             **({"not_checked": [one.name for one in own]} if (own := scene.constraints) else {}),
             "held": _rate(self.landings.sticks),

@@ -10,7 +10,7 @@ from ...problems import Distribution, Uncertainty
 from ..result import Plan
 from ..throw import release_model
 from ..uncertainty import DelayScan
-from ..verdict import Code
+from ..verdict import INTO, Code
 
 #: Errors in the table by their JSON key: label, unit, factor from SI, definition.
 ERRORS = {
@@ -40,14 +40,15 @@ def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
     if plan.target.theta is not None:
         box += f", {math.degrees(tolerance.angle):g} deg"
     into_cup = result["in_cup"] is not None
-    lines.append(f"  success {_percent(result['success'])} {'into the cup' if into_cup else box}")
+    into = f"into the {scene.opening.KIND}" if scene.opening is not None else ""
+    lines.append(f"  success {_percent(result['success'])} {into if into_cup else box}")
     if into_cup:
         lines.append(f"  {'':7} {_percent(result['in_tolerance'])} {box}")
     if "rests" in result:
         rests = result["rests"]
         words = f"rest {rests['place']}, of the first {rests['of']}"
         lines.append(f"  {'':7} {_percent(rests)} {words}")
-    counted = {Code.LANDING, Code.CUP_MISSED, Code.CUP_WALL} if into_cup else {Code.LANDING}
+    counted = {Code.LANDING, *(INTO if into_cup else ())}
     for code in Code:
         if code.value in result["broken"] and code not in counted:
             lines.append(f"  {'':7} {100 * result['broken'][code.value]:6.2f} % {code.fate}")

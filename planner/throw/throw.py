@@ -264,6 +264,7 @@ def core_scene(scene: Scene) -> Structure:
         "palm_clearance": -1.0 if arm is None or room is None else room,
         "tool_length": -1.0,
         "cup_radius": -1.0,
+        "bin_depth": -1.0,
     }
     if bar.outline:
         parts = len(bar.outline)
@@ -279,11 +280,15 @@ def core_scene(scene: Scene) -> Structure:
     if cup is not None:
         found |= {"cup_x": cup.x, "cup_rim": cup.rim, "cup_insertion": cup.insertion}
         found["cup_radius"] = cup.radius_for(bar)
+    if scene.bin is not None:
+        found |= {"cup_x": scene.bin.along, "cup_rim": scene.bin.rim}
+        found |= {"bin_depth": scene.bin.depth, "bin_lead": scene.bin.clearance}
+        found["cup_radius"] = scene.bin.half_opening(bar)
     return Structure("scene", **found)
 
 
 def cup_entries(scene: Scene, detach: Array, flight: Array) -> Array:
-    """Least clearance (N,) [m] of the bars' way into the scene's cup; -inf for a missed cup.
+    """Least clearance (N,) [m] of the bars' way into the scene's cup or bin; -inf for a missed one.
 
     detach (N, 6): CoM pose and twist; flight (N,) [s]: time to the landing height. The way in
     begins as the lower end passes the rim plane and ends `insertion` below it; the clearance is
@@ -294,7 +299,7 @@ def cup_entries(scene: Scene, detach: Array, flight: Array) -> Array:
     states = array(np.ascontiguousarray(detach), n, 6)
     times = array(np.ascontiguousarray(flight, float), n)
     library().cup_entries(core_scene(scene), n, states, times, out(found, n))
-    return found
+    return found if scene.bin is None else scene.bin.distance(scene.object, found)
 
 
 def case_of(scene: Scene, hand: HandTrack, hand_error: float = 0.0) -> ReleaseCase:

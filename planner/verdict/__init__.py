@@ -1,6 +1,6 @@
 """Verdicts: which limits a throw breaks, whether it is solved, whether it succeeds.
 
-This package alone decides on landing, grip, cup and clearances.
+This package alone decides on landing, grip, cup, bin and clearances.
 """
 
 from .calibrated import CalibratedLanding, calibrated_landing, region_words
@@ -25,7 +25,7 @@ from .clearance import (
     reach_of_bar,
     tool_speeds,
 )
-from .findings import JOINT_LIMITS, Code, Finding, Verdict
+from .findings import INTO, JOINT_LIMITS, Code, Finding, Verdict
 from .grip_in_space import grip_use
 from .in_space import (
     approach_findings,

@@ -78,6 +78,12 @@ class Code(Enum):
         "touch the cup's wall or rim",
         "a wider cup, less clearance or insertion, an angle nearer -90 deg",
     )
+    BIN_MISSED = ("bin_missed", "miss the bin", "a larger bin, a nearer or lower one")
+    BIN_WALL = (
+        "bin_wall",
+        "touch the bin's wall or rim",
+        "a larger bin, less [bin] clearance, a shorter object",
+    )
     MODELS_DIFFER = (
         "models_differ",
         "land elsewhere by another release model",
@@ -103,8 +109,12 @@ class Code(Enum):
         return code
 
 
+#: Codes of a throw that does not go into its cup or bin without contact.
+INTO = frozenset({Code.CUP_MISSED, Code.CUP_WALL, Code.BIN_MISSED, Code.BIN_WALL})
+
+
 def excused(cup: bool) -> frozenset[Code]:
-    """Codes that no success needs: with a cup, a throw into it may miss its target pose."""
+    """Codes that no success needs: with a cup or bin, a throw into it may miss its target pose."""
     return frozenset({Code.LANDING}) if cup else frozenset()
 
 
@@ -167,7 +177,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verdict:
-    """All findings about a throw; cup: the scene has a cup, which the object must enter."""
+    """All findings about a throw; cup: the object must enter a cup or a bin."""
 
     findings: tuple[Finding, ...] = ()
     cup: bool = False
@@ -264,7 +274,7 @@ def _slip(finding: Finding) -> str:
 
 
 def _collision(finding: Finding) -> str:
-    if not finding.other.startswith(("obstacle", "floor")):
+    if not finding.other.startswith(("obstacle", "floor", "bin wall")):
         return f"{finding.body} meets {finding.other}{_at(finding)}"
     if finding.value <= 0.0:
         return f"{finding.other}: {finding.body} meets it{_at(finding)}"
@@ -289,6 +299,8 @@ _LIMITS = {
     Code.COLUMN: "base column",
     Code.CUP_MISSED: "cup depth",
     Code.CUP_WALL: "cup clearance",
+    Code.BIN_MISSED: "bin",
+    Code.BIN_WALL: "bin clearance",
 }
 _OF_A_JOINT = {*JOINT_LIMITS.values(), Code.TORQUE}
 #: Sentences of the codes; a finding of another code has its sentence in its note.
@@ -328,5 +340,9 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     Code.CUP_MISSED: lambda f: "cup: the bar does not get deep enough into it",
     Code.CUP_WALL: lambda f: (
         f"cup clearance: {1e3 * f.value:.1f} mm, must be at least {1e3 * f.limit:g} mm"
+    ),
+    Code.BIN_MISSED: lambda f: "bin: the object does not come down through its rim",
+    Code.BIN_WALL: lambda f: (
+        f"bin clearance: {1e3 * f.value:.1f} mm, must be at least {1e3 * f.limit:g} mm"
     ),
 }

@@ -168,7 +168,7 @@ def _clearances(space: SpatialScene, samples: Samples, held: bool) -> list[Clear
     The core takes off half the way between two instants, so what few instants do not clear, all
     samples decide.
     """
-    if len(samples.q) < 2 or (space.manipulator.capsules is None and not space.scene.obstacle):
+    if len(samples.q) < 2 or (space.manipulator.capsules is None and not space.scene.bodies_around):
         return []
     pairs = list[Clearance]()
     for step in (PLACES, 1):

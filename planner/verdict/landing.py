@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...models import Array, Flags, FlightState
-from ...problems import Cup, Pose, Scene, Tolerance
+from ...problems import Bin, Cup, Pose, Scene, Tolerance
 from ..throw import TICK, cup_entries
 from .findings import Code
 
@@ -21,8 +21,8 @@ ROUNDING = 1e-6
 CUP_NEAR = 1e-5
 
 
-def least_cup_clearance(cup: Cup) -> float:
-    """The clearance [m] in the cup must exceed this; 0 is contact with wall or rim."""
+def least_cup_clearance(cup: Cup | Bin) -> float:
+    """The clearance [m] in cup or bin must exceed this; 0 is contact with wall or rim."""
     return max(cup.clearance - CUP_NEAR, 0.0)
 
 
@@ -91,7 +91,7 @@ def landing_uses(scene: Scene, target: Pose, at: LandingStates) -> list[LimitUse
 
 
 def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -> Flags:
-    """Flags (N,) of the flights inside [landing] and [cup], with the cup moved to each landing.
+    """Flags (N,) of the flights inside [landing], [cup] and [bin], these moved to each landing.
 
     detach (N, 6): CoM pose and twist; landing (N, 3): x, theta and flight time at the height of the
     scene's target; more [m]: clearance in the cup beyond the scene's.
@@ -101,8 +101,8 @@ def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -
     end = x, np.full(len(x), target.z), theta, at.v_x, at.v_z, at.omega
     uses = landing_uses(scene, target, LandingStates(0.0 * x, 0.0 * x, detach.T, end, None))
     good = ~np.logical_or.reduce([np.broadcast_to(use.broken, len(x)) for use in uses])
-    if scene.cup is not None:
+    if (cup := scene.opening) is not None:
         shifted = detach.copy()
         shifted[:, 0] += target.plane_x - x
-        good &= cup_entries(scene, shifted, time) > least_cup_clearance(scene.cup) + more
+        good &= cup_entries(scene, shifted, time) > least_cup_clearance(cup) + more
     return np.asarray(good)

@@ -39,7 +39,8 @@ class Measures(ReadOnly):
         column_flown and palm, the object's least distances [m]; speed [m/s], the tool's highest;
         rate [N m/s], of the joints' torques by the motion's commands;
         palm_time [s], when after detach the object first is too near to the palm; cup, the least
-        clearance [m] in it. Infinite where nothing is near."""
+        clearance [m] in it, or the least room in a bin, which `Bin.distance` takes. Infinite where
+        nothing is near."""
         return self.rows[:, columns_of("measured")[name]][:, 0]
 
     def time(self, name: str) -> Array:
@@ -90,7 +91,7 @@ def _motion(throw: Throw) -> tuple[Structure, CollisionScene | None, int]:
     """The motion for the core; the bodies that may meet; the most meetings."""
     scene, manipulator = throw.scene, throw.manipulator
     around, bodies, room = None, None, 0
-    if scene.obstacle or manipulator.capsules is not None:
+    if scene.bodies_around or manipulator.capsules is not None:
         around = CollisionScene.of(scene, manipulator)
         bodies = around.core
         room = 3 * around.most_contacts
@@ -112,7 +113,7 @@ def _thrown(throw: Throw, flights: BatchFlights) -> Array:
     scene, column, h = throw.scene, flights.columns, flights.com_offset
     patch = scene.patch
     force = patch.faces * column["friction"] * scene.gripper.profile().full
-    cup_x = flights.way + (0.0 if scene.cup is None else scene.cup.x)
+    cup_x = flights.way + (0.0 if scene.opening is None else scene.opening.along)
     numbers = (
         column["mass"],
         column["inertia"] + column["mass"] * h**2,

@@ -16,7 +16,7 @@ from ...models import Array, Flags, FlightState, ReadOnly
 from ...problems import Pose, Tolerance
 from ..throw import BatchFlights, Throw, ThrowBatch, column_of, flight_of, torque_limits
 from .clearance import BAR
-from .findings import Code, Finding, Verdict, excused
+from .findings import INTO, Code, Finding, Verdict, excused
 from .landing import LandingStates, LimitUse, landing_uses, least_cup_clearance, tolerance_uses
 from .measures import Measures, measures_of
 from .motion import FLYING, NEAR, collision, joint_findings
@@ -49,7 +49,7 @@ def verdict_on(
         uses = _tool_speed(sent, measures_of(sent))
         findings += [found for use in uses for found in _finding(use, 0)]
     findings += own_findings(commanded)
-    return Verdict(tuple(findings), cup=throw.scene.cup is not None)
+    return Verdict(tuple(findings), cup=throw.scene.opening is not None)
 
 
 def own_findings(throw: Throw) -> Iterator[Finding]:
@@ -177,7 +177,7 @@ class Judged:
             yield LimitUse(Code.TORQUE, share, most, body=name, time=time)
 
     def _outlines(self) -> Iterator[LimitUse]:
-        """Distances from floor, cup, palm and base column."""
+        """Distances from floor, cup or bin, palm and base column."""
         scene, m = self.throw.scene, self.measures
         floor, cup, room = scene.bounds.floor, scene.cup, scene.palm_clearance
 
@@ -196,6 +196,18 @@ class Judged:
             beyond = np.where(missed | (clearance > enough), math.inf, clearance)
             # A rim inside the object is at 0.
             yield LimitUse(Code.CUP_WALL, beyond, cup.clearance, -1.0, slack=-NEAR)
+        if scene.bin is not None:
+            gap = scene.bin.distance(scene.object, m.value("cup"))
+            missed = gap == -math.inf
+            yield LimitUse(Code.BIN_MISSED, np.where(missed, 1.0, 0.0), 0.0)
+            wrong = ~missed & ~(gap > least_cup_clearance(scene.bin))
+            yield LimitUse(
+                Code.BIN_WALL,
+                np.where(wrong, gap, math.inf),
+                scene.bin.clearance,
+                -1.0,
+                slack=-NEAR,
+            )
         if room is not None:
             first = self.flights.freed + m.value("palm_time")
             yield distance(Code.PALM, "palm", room, FLYING)._replace(time=first)
@@ -253,9 +265,9 @@ class Verdicts(ReadOnly):
 
     @property
     def in_cup(self) -> Flags:
-        """Flags (N,) of the throws that enter the cup without contact; of all that land without
+        """Flags (N,) of the throws that enter cup or bin without contact; of all that land without
         one."""
-        return ~self.breaks(Code.CUP_MISSED, Code.CUP_WALL, Code.NO_LANDING)
+        return ~self.breaks(*INTO, Code.NO_LANDING)
 
     @property
     def sticks(self) -> Flags:
@@ -305,4 +317,4 @@ class Judge:
         """Verdicts on N throws: values (N, P) of the batch's parameters, SI units."""
         throw, flights = self.batch.throw, self.batch.fly(values)
         judged = Judged(throw, flights, measures_of(throw, flights), throw.target, throw)
-        return Verdicts(flights.pose, judged.flags(), throw.scene.cup is not None)
+        return Verdicts(flights.pose, judged.flags(), throw.scene.opening is not None)

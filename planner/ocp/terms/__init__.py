@@ -13,6 +13,7 @@ TERMS: list[type[SceneConstraint]] = [
     arm_limits.TorqueLimits,
     workspace.Floor,
     landing.CupClearance,
+    landing.BinClearance,
     workspace.Palm,
     workspace.Column,
     landing.LandingBounds,

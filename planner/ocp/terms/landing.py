@@ -1,4 +1,4 @@
-"""The landing: its speed ([landing]), its latest time (arrival), its way into a cup ([cup])."""
+"""The landing: its speed ([landing]), its latest time (arrival), its way into [cup] or [bin]."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from typing import Any, ClassVar, Self
 import casadi as ca
 
 from ....problems import Object
+from ...verdict import reach_of_bar
 from ..request import Request
 from ..scene_constraint import Flight, SceneConstraint
-from ..stages import Block, Stage, T
+from ..stages import ROOM, TURN, Block, Stage, T
 from ..transcription import Ocp, OutlinePoint
 
 #: Margin to the bounds of [landing], a share of them: covers the NLP's error of the landing.
@@ -31,6 +32,13 @@ BEFORE = 25.0
 CUP_POINTS = 5
 #: Height [radii] over the rim from which a disc is free. The bound keeps the series small.
 HIGH = 3.0
+#: Numbers of heights with constraints on the way into a bin: without and with lazy "flight".
+HEIGHTS = (8, 16)
+#: Share of the height of the flight's top over the rim from which a bin's constraints begin.
+TOP = 0.9
+#: Price of the room in a bin, a share of its half opening: far above an effort's.
+ROOM_PRICE = 30.0
+QUIET_PRICE = 300.0
 
 
 @dataclass(frozen=True)
@@ -209,6 +217,73 @@ class CupClearance(SceneConstraint):
                 free = radius - needed + needed * (u / 2 + u**2 / 8 + u**3 / 16)
                 flight.subject_to("cup clearance", (x - cup_x - free) / radius, high=0.0)
                 flight.subject_to("cup clearance", (x - cup_x + free) / radius, low=0.0)
+
+
+@dataclass(frozen=True)
+class BinClearance(SceneConstraint):
+    """The object between the walls of a bin, as far from them as possible.
+
+    The CoM passes even heights, from where no part of the object is below the rim to where all of
+    it is, or touches the bottom. At each height and for either wall a line parts the object from
+    the rim's edge and the wall below: its normal, an unknown, points to the wall or down. All of
+    the object is at least the room, another unknown, before that line. The bin moves with the
+    target, and in an elastic problem with the landing.
+    """
+
+    turns: ClassVar[bool] = True
+    heights: int
+    elastic: bool
+
+    @classmethod
+    def of(cls, request: Request) -> Self | None:
+        """For a scene with a bin."""
+        into, target, thing = request.scene.bin, request.target, request.scene.object
+        if into is None or target is None:
+            return None
+        fine = "flight" in request.refinement.lazy
+        half, reach = into.half_opening(thing), reach_of_bar(thing)
+        values: dict[str, Any] = {
+            "bin_x": into.along + _offset(request),
+            "bin_rim": into.rim,
+            "bin_half": half,
+            "bin_room": half
+            - into.half_opening(thing, into.clearance)
+            + CUP_MARGINS[fine]
+            + request.refinement.margins["cup"],
+            "room_price": QUIET_PRICE if request.refinement.quiet else ROOM_PRICE,
+            "bin_best": into.best_room(thing),
+            "bin_heights": (reach + into.clearance, -min(reach, into.depth)),
+        }
+        return cls(values, HEIGHTS[fine], request.elastic > 0.0)
+
+    def in_flight(self, flight: Flight) -> None:
+        """The room, and the lines at each height."""
+        p, end = flight.p, flight.end
+        half, rim, room = p("bin_half"), p("bin_rim"), flight.stage.control(ROOM)
+        middle = p("bin_x") + (end.x - p("target_x") if self.elastic else 0)
+        flight.subject_to("bin clearance", room - p("bin_room") / half, low=0.0)
+        flight.subject_to("bin room", room - p("bin_best") / half, high=0.0)
+        flight.add_objective(p("room_price") * (1 - room))
+        if flight.ocp.structure.parts:
+            points = flight.ocp.outline_points(2)
+        else:
+            ends, wide = (p("ahead"), -p("behind")), p("half_width")
+            points = [OutlinePoint(at, side * wide) for at in ends for side in (-1, 1)]
+        first, last = ca.vertsplit(p("bin_heights", 2))
+        for i in range(self.heights):
+            height = rim - end.z + first + (last - first) * i / (self.heights - 1)
+            # The top of the flight may be lower.
+            height = ca.fmin(height, TOP * end.v_z**2 / (2 * p("gravity") + 1e-6))
+            fall = end.v_z - ca.sqrt(end.v_z**2 - 2 * p("gravity") * height + 1e-9)
+            at = flight.after(flight.time + 2 * height / fall)
+            cos, sin = ca.cos(at.theta), ca.sin(at.theta)
+            for number, side in enumerate((-1, 1)):
+                turn = flight.stage.control(TURN.number(2 * i + number))
+                for point in points:
+                    x, z = point.placed(at.x, at.z, cos, sin)
+                    beyond = side * ca.cos(turn) * (x - middle - side * half)
+                    beyond += point.radius - ca.sin(turn) * (z - rim)
+                    flight.subject_to("bin clearance", beyond / half + room, high=0.0)
 
 
 def _offset(request: Request) -> float:

@@ -30,7 +30,7 @@ FORMAT = 1
 #: Parts of a scene that releases do not depend on: what chooses among throws, where they
 #: land. Of [nlp] they depend on `carry_max` alone.
 CHOICE = {"cost", "choice", "torque", "uncertainty", "robust", "nlp"}
-LANDING = {"target", "tolerance", "cup", "landing", "obstacle", "rest", "calibration"}
+LANDING = {"target", "tolerance", "cup", "bin", "landing", "obstacle", "rest", "calibration"}
 #: Bins of landings on each axis.
 BINS = 40
 

@@ -28,17 +28,19 @@ BAR = "bar"
 
 @dataclass(frozen=True)
 class KeepOut:
-    """A body that the arm avoids: its shape, clearance [m], and whether the bar avoids it too."""
+    """A body that the arm avoids: its shape, clearance [m], whether the bar avoids it too, and
+    whether it is a bin's wall, which a flying bar avoids until it comes down to the rim."""
 
     name: str
     solid: Solid
     clearance: float
     bar: bool = True
+    of_bin: bool = False
 
     @property
     def words(self) -> str:
         """Name in messages."""
-        return f"obstacle {self.name}" if self.bar else self.name
+        return f"obstacle {self.name}" if self.bar and not self.of_bin else self.name
 
     @cached_property
     def core(self) -> Structure:
@@ -46,7 +48,8 @@ class KeepOut:
         solid, found = self.solid, Structure("solid")
         found.centre, found.half = solid.centre.tolist(), solid.half.tolist()
         found.axes = solid.axes.ravel().tolist()
-        found.radius, found.clearance, found.bar = solid.radius, self.clearance, self.bar
+        found.radius, found.clearance = solid.radius, self.clearance
+        found.bar = self.bar + self.of_bin
         return found
 
 
@@ -110,6 +113,8 @@ class CollisionScene:
         """The bodies of a scene; plane: of the throw, by default that of the scene's target."""
         plane = plane or scene.aim.plane
         found = [KeepOut(o.name, plane.seen(o.solid), o.clearance) for o in scene.obstacle]
+        walls = scene.bodies_around[len(found) :]
+        found += [KeepOut(o.name, plane.seen(o.solid), o.clearance, of_bin=True) for o in walls]
         floor = scene.bounds.floor
         if manipulator.capsules is not None and floor is not None:
             found.append(_floor(floor))
