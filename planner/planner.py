@@ -12,6 +12,9 @@ from pathlib import Path
 from threading import RLock
 from typing import Any, Concatenate, Literal, ParamSpec, TypedDict, TypeVar, Unpack, get_args
 
+import numpy as np
+
+from ..models import Body, HandMotion, PinchContact
 from ..models.release import MODELS, SlidingPivot
 from ..problems import Constraint, Cost, InputError, Pose, Scene, checked
 from ..problems.scene_files import as_scene
@@ -63,6 +66,11 @@ def _check_law(law: type[SlidingPivot]) -> None:
     """InputError for what is no law of a release, or has the name of a known model."""
     if not (isinstance(law, type) and issubclass(law, SlidingPivot)) or law.__name__ in MODELS:
         raise InputError(f"release = {law!r}: must be a subclass of SlidingPivot with its own name")
+    bar, pads = Body(0.1, 1e-3, 0.05), PinchContact(0.5, 0.01)
+    still = HandMotion(0.0, 0.0, 0.0, 0.0, 0.0)
+    rates = np.array(law(bar, pads).rates([0.0] * 6, still, 1.0), float)
+    if rates.shape != (6,) or not np.isfinite(rates).all():
+        raise InputError(f"release = {law!r}: its rates must be six finite numbers, not {rates}")
 
 
 def _alone(method: Callable[Concatenate[Planner, P], T]) -> Callable[Concatenate[Planner, P], T]:
@@ -109,12 +117,14 @@ class Planner:
         self._lock = RLock()
         scene = as_scene(scene)
         if constraints:
-            own = tuple(checked("constraints", one, Constraint, {}) for one in constraints)
-            scene, library = scene.changed(constraints=scene.constraints + own), False
+            given = [constraints] if isinstance(constraints, Constraint) else constraints
+            own = tuple(checked("constraints", one, Constraint, {}) for one in given)
+            scene = scene.changed(constraints=scene.constraints + own)
         if release is not None:
             _check_law(release)
-            scene, library = scene.changed(release=release), False
-        self._options = dict(solver_options or {})
+            scene = scene.changed(release=release)
+        library = library and not (scene.constraints or scene.release)
+        self._options = dict(checked("solver_options", solver_options or {}, dict, {}))
         self.scene = scene
         self.manipulator = make_manipulator(scene)
         # Obstacles stand in the base frame, tables and libraries in the throw's own plane.
@@ -267,6 +277,8 @@ class Planner:
         InputError for a number out of range.
         """
         throws = checked("throws", throws, int, {"least": 1, "most": MOST_PREPARED})
+        if self.scene.constraints or self.scene.release:
+            raise InputError("prepare: not for a planner with constraints or a release of its own")
         try:
             releases, library = self.releases(), self.library
             if workers is None and executor is None:

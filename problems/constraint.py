@@ -10,7 +10,7 @@ from typing import Any
 from .checks import InputError, checked
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Constraint:
     """low <= value <= high, for `Planner(scene, constraints=[...])`.
 
@@ -42,7 +42,14 @@ class Constraint:
             raise InputError(f"constraint name = {name!r}: must be one line of text")
         if self.in_flight is None and self.at_instant is None:
             raise InputError(f"constraint {name}: give in_flight or at_instant")
+        for key in ("in_flight", "at_instant", "check"):
+            if not (getattr(self, key) is None or callable(getattr(self, key))):
+                raise InputError(f"constraint {name}: {key} must be a function")
         checked(f"constraint {name}: margin", self.margin, float, {"least": 0})
+        for key in ("low", "high"):
+            value = getattr(self, key)
+            if not isinstance(value, (int, float)):
+                raise InputError(f"constraint {name}: {key} = {value!r}: must be a number")
         room = self.high - self.low - 2 * self.margin
         if math.isnan(room) or room < 0 or (math.isinf(self.low) and math.isinf(self.high)):
             raise InputError(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import math
 import os
 import re
-import shutil
 import stat
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -269,7 +269,8 @@ def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iter
     """A scratch folder for files `names`, which are moved to `folder` together. Ctrl-C waits.
 
     Files of these names that the block does not write are deleted from `folder`: they belong to an
-    earlier result. After an error nothing has changed. A name without a suffix is a folder's.
+    earlier result. After an error nothing has changed. A name without a suffix is a folder's, of
+    which only files of these names are deleted.
     """
     folder = prepare_folder(folder, tuple(name for name in names if "." in name), option)
     try:
@@ -278,13 +279,25 @@ def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iter
             written = {path.name for path in scratch.iterdir()}
             for name in names:
                 if (folder / name).is_dir():
-                    shutil.rmtree(folder / name)
-                if name in written:
+                    _empty(folder / name, names)
+                if name in written and (folder / name).is_dir():
+                    for item in (scratch / name).iterdir():
+                        os.replace(item, folder / name / item.name)
+                elif name in written:
                     os.replace(scratch / name, folder / name)
-                else:
+                elif not (folder / name).is_dir():
                     (folder / name).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{option} {folder}: {error.strerror or error}") from None
+
+
+def _empty(folder: Path, names: tuple[str, ...]) -> None:
+    """Deletes files of these names from a folder, and the folder if nothing else is in it."""
+    for name in names:
+        if not (folder / name).is_dir():
+            (folder / name).unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        folder.rmdir()
 
 
 def copy_out(text: str, path: Path, *, force: bool = False) -> None:

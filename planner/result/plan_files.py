@@ -78,13 +78,18 @@ def path_of(throw: Throw) -> PlanPath:
 def read_plan(path: str | Path) -> SavedThrow:
     """The throw of a plan.json (or its folder) and its motion.csv, simulated again.
 
+    Constraints of one's own are not in the file: the message says that they are not checked again.
     InputError for a missing file, a file that is no plan, another version, a plan without a throw,
-    and samples that do not fit its scene.
+    one that a release law of one's own throws, and samples that do not fit its scene.
     """
     path = Path(path)
     if path.is_dir():
         path = path / "plan.json"
     plan = _plan_object(path)
+    own = plan.get("own", {})
+    if law := own.get("release"):
+        cure = "which is not in the file: use the plan in Python, or plan it again there"
+        raise InputError(f"{path}: is thrown by the release law {law}, {cure}")
     with complete(path, "is not a complete plan file"):
         scene = scene_from_table(plan["definition"])
         opening_time = float(plan["release"]["opening_time"])
@@ -94,6 +99,8 @@ def read_plan(path: str | Path) -> SavedThrow:
     if not 0.0 <= opening_time <= end:
         raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
     words: dict[str, Any] = {key: str(plan.get(key, "")) for key in ("status", "message")}
+    if own.get("constraints"):
+        words["message"] += f"; not checked again: {', '.join(map(str, own['constraints']))}"
     words["robust"] = bool(plan.get("robust"))
     throw = SavedThrow(scene, manipulator, samples.path, opening_time, samples, **words)
     if not throw.lands:
@@ -118,7 +125,12 @@ def check_hits(path: str | Path, option: str = "--nearest") -> None:
 
 def entries_of(plan: dict[str, Any], scene: Scene) -> dict[str, Any]:
     """plan.json of a plan's `to_dict`, with the scene that `read_plan` needs."""
-    return {"format": FORMAT, **plan, "definition": scene.table()}
+    own: dict[str, Any] = {}
+    if scene.release is not None:
+        own["release"] = scene.release.__name__
+    if scene.constraints:
+        own["constraints"] = [one.name for one in scene.constraints]
+    return {"format": FORMAT, **plan, **({"own": own} if own else {}), "definition": scene.table()}
 
 
 @contextmanager

@@ -330,6 +330,10 @@ def _next(plan: Plan, folder: str | None) -> str:
     """Commands to go on with, which fit the scene's robot."""
     if plan.short_of is not None:
         return "next: plan to this landing, or change the limits that hold the throw there"
+    if plan.scene.release is not None:
+        return (
+            "next: tp.sweep(plan) and robots.export(plan) in Python, where the release law is known"
+        )
     where = "DIR" if folder is None else shlex.quote(folder)
     commands = [f"throwplan sweep {where}", f"throwplan replay {where}"]
     if (arm := plan.scene.arm) is not None:
@@ -400,10 +404,13 @@ def _details(plan: Plan) -> Iterator[str]:
         yield plan.message
     elif plan.throw is not None:
         throw = plan.throw.deciding
-        for model, key in (("limit surface", "limit_surface"), ("sliding pivot", "sent")):
-            x, _, theta = plan.throw.landings[key]
-            place = _range(math.degrees(theta), 0.0, 2)
-            yield f"by the {model} it lands at x {x:.4f} m, theta {place}°"
+        models = {"limit_surface": "the limit surface", "sent": "the sliding pivot"}
+        if scene.release is not None:
+            models = {"own": scene.release.__name__} | models
+        for key, model in models.items():
+            x, z, theta = plan.throw.landings[key]
+            pose = plan.target.in_plane(x, theta).changed(z=z, velocity=None, arrival=None)
+            yield f"by {model} it lands at {_pose(pose, 4)}"
         for _, words in margins(throw):
             yield f"margin: {words}"
         if torque_limits(scene) is not None:
@@ -435,7 +442,7 @@ def _details(plan: Plan) -> Iterator[str]:
 
 def _robust_helps(plan: Plan) -> bool:
     """Whether --robust may be advised: not for a target that moves, nor twice."""
-    return plan.target.is_fixed and not plan.robust
+    return plan.target.is_fixed and not plan.robust and plan.manipulator.under_way is None
 
 
 def _took(plan: Plan) -> str:
@@ -459,14 +466,14 @@ def _size(size: float) -> str:
     return f"{math.ceil(least / step - 1e-9) * step:.9g}"
 
 
-def _pose(pose: Pose) -> str:
-    """A pose or a region as text."""
+def _pose(pose: Pose, digits: int = 3) -> str:
+    """A pose or a region as text; digits: decimals of lengths."""
     x, turn = pose.half_widths
-    aside = f", y {_range(pose.y, 0.0, 3)}" if abs(pose.y) >= 5e-4 else ""
+    aside = f", y {_range(pose.y, 0.0, digits)}" if abs(pose.y) >= 5e-4 else ""
     theta = "any theta"
     if pose.theta is not None:
-        theta = f"theta {_range(math.degrees(pose.theta), math.degrees(turn), 1)}°"
-    return f"x {_range(pose.x, x, 3)}{aside}, z {_range(pose.z, 0.0, 3)} m, {theta}"
+        theta = f"theta {_range(math.degrees(pose.theta), math.degrees(turn), digits - 2)}°"
+    return f"x {_range(pose.x, x, digits)}{aside}, z {_range(pose.z, 0.0, digits)} m, {theta}"
 
 
 def _range(middle: float, half: float, digits: int) -> str:

@@ -217,6 +217,8 @@ class Search:
         # A moved throw keeps its place in a region, and its time: another may cost less.
         may_move = not task.target.is_region and task.scene.weights.usual
         may_move = may_move and task.solver == "fatrop" and task.scene.release is None
+        # What moves a throw knows no constraints; their checks refuse what breaks them.
+        may_move = may_move and all(one.check is not None for one in task.scene.constraints)
         if self.warm is not None:
             optimum = self._optimum(self.warm) if may_move else None
             if optimum is not None:

@@ -51,7 +51,7 @@ def sweep(
     """
     started, plan = time.perf_counter(), plan_of(plan)
     own = plan.scene.deciding_model
-    check_sweep(samples, seed, model or plan.scene.tolerance.model)
+    check_sweep(samples, seed, plan.scene.tolerance.model if model in ("", own) else model)
     model = model or own
     sampler = sampler_of(plan.scene, seed)
     if not sampler.names:

@@ -32,8 +32,9 @@ UNITS = (
 def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
     """Success, bias, quantiles and sensitivities of a sweep of `plan`, from its `to_dict`."""
     tolerance, scene = plan.scene.tolerance, plan.scene
-    model = release_model(scene, result["model"]).title
-    lines = [f"{label}: {result['samples']:,} throws by the {model}"]
+    title = release_model(scene, result["model"]).title
+    model = title if title == result["model"] else f"the {title}"
+    lines = [f"{label}: {result['samples']:,} throws by {model}"]
     lines += [f"  {line}" for line in _words_of(scene.uncertain, scene.assumed_spreads)]
     box = "in the region, " if plan.target.is_region else ""
     box += f"within {1e3 * tolerance.position:g} mm"

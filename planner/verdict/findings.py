@@ -157,6 +157,8 @@ class Finding:
     def limit_name(self) -> str:
         """The limit's name, as of limits that bind at an optimum."""
         kind = _LIMITS.get(self.code, self.code.value.removeprefix("joint_").replace("_", " "))
+        if self.code is Code.OWN:
+            return self.body
         return f"{self.body} {kind}" if self.code in _OF_A_JOINT else kind
 
     def to_dict(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ...models import Array, Flags, FlightState, ReadOnly
-from ...problems import Pose, Tolerance
+from ...problems import InputError, Pose, Tolerance
 from ..throw import BatchFlights, Throw, ThrowBatch, column_of, flight_of, torque_limits
 from .clearance import BAR
 from .findings import INTO, Code, Finding, Verdict, excused
@@ -57,7 +57,14 @@ def own_findings(throw: Throw) -> Iterator[Finding]:
     for one in throw.scene.constraints:
         if one.check is None or not throw.lands:
             continue
-        values = np.atleast_1d(np.asarray(one.check(throw), float))
+        given = one.check(throw)
+        try:
+            values = np.asarray(given, float).ravel()
+        except (TypeError, ValueError):
+            values = np.empty(0)
+        if given is None or not values.size:
+            words = f"must be a number or an array of them, not {str(given)[:60]!r}"
+            raise InputError(f"constraint {one.name}: its check {words}")
         beyond = np.maximum(one.low - values, values - one.high)
         worst = int(np.nan_to_num(beyond, nan=np.inf).argmax())
         value, limit = values[worst], one.low if values[worst] < one.low else one.high

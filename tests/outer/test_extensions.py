@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Any
 
@@ -124,3 +125,56 @@ def test_a_law_of_one_s_own_decides() -> None:
 def test_what_is_no_law_is_refused(law) -> None:
     with pytest.raises(tp.InputError, match="release = "):
         tp.Planner("hand-box", release=law)
+
+
+def test_a_plan_by_a_law_of_one_s_own_is_not_read_without_it(tmp_path) -> None:
+    plan = tp.Planner("hand-box", release=Damped).plan()
+    plan.save(tmp_path)
+    with pytest.raises(tp.InputError, match="release law Damped"):
+        tp.read_plan(tmp_path)
+
+
+def test_a_constraint_is_kept_by_copies_and_moved_throws(tmp_path) -> None:
+    """A copy fits its planner; without a check no throw is moved past the NLP."""
+    own = ceiling(high=0.8143)
+    planner = tp.Planner("hand-box", constraints=[own])
+    plan = planner.plan()
+    again = planner.plan(plan.target.changed(x=1.12), warm=copy.deepcopy(plan))
+    assert again.solved and again.solver == "fatrop"
+    assert planner.scene.fits(copy.deepcopy(plan).scene)
+    plan.save(tmp_path)
+    assert "not checked again: ceiling" in tp.read_plan(tmp_path).message
+    with pytest.raises(tp.InputError, match="prepare"):
+        planner.prepare(10)
+
+
+class Short(SlidingPivot):
+    def rates(self, state: Any, hand: Any, normal_force: Any) -> list[Any]:
+        return [0.0]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"constraints": [tp.Constraint("a", in_flight=lambda _: "x", high=1)]}, "constraint a"),
+        (
+            {"constraints": [tp.Constraint("a", in_flight=lambda _: math.nan, high=1)]},
+            "constraint a: must be a CasADi expression",
+        ),
+        (
+            {"constraints": [ceiling(high=9.0, check=lambda _: "q")]},
+            "constraint ceiling: its check",
+        ),
+        ({"constraints": [ceiling(high=9.0, check=lambda _: [])]}, "constraint ceiling: its check"),
+        ({"release": Short}, "six finite numbers"),
+    ],
+)
+def test_functions_that_are_wrong_are_named(options, words) -> None:
+    with pytest.raises(tp.InputError, match=rf"^[^\n]*{words}[^\n]*$"):
+        planned(**options)
+
+
+def test_a_check_names_its_constraint_where_it_holds_a_throw_back() -> None:
+    never = tp.Constraint("tall", in_flight=lambda f: f.start.x, high=9.0, check=lambda _: 10.0)
+    plan = tp.Planner("hand-box", constraints=[never]).plan(patience=5.0)
+    assert not plan.solved and "tall" in plan.summary()

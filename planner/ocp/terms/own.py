@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Self
 
 import casadi as ca
 
-from ....problems import Constraint
+from ....problems import Constraint, InputError
 from ..request import Request
 from ..scene_constraint import Flight, Instant, SceneConstraint
 from ..transcription import Scope
@@ -39,4 +40,16 @@ class Own(SceneConstraint):
 
 
 def _add(one: Constraint, at: Scope, value: Callable[[Any], Any]) -> None:
-    at.subject_to(one.name, ca.SX(value(at)), one.low + one.margin, one.high - one.margin)
+    found = value(at)
+    try:
+        expression = ca.SX(ca.vertcat(*found) if isinstance(found, (list, tuple)) else found)
+    except NotImplementedError:
+        expression = ca.SX()
+    if not expression.numel() or any(map(_is_nan, ca.vertsplit(ca.vec(ca.densify(expression))))):
+        words = f"must be a CasADi expression, without NaN, not {str(found)[:60]!r}"
+        raise InputError(f"constraint {one.name}: {words}")
+    at.subject_to(one.name, expression, one.low + one.margin, one.high - one.margin)
+
+
+def _is_nan(value: ca.SX) -> bool:
+    return bool(value.is_constant() and not math.isfinite(float(value)))

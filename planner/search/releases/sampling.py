@@ -29,7 +29,7 @@ from .run_ups import clears_carried, clears_thrown, run_up
 FORMAT = 1
 #: Parts of a scene that releases do not depend on: what chooses among throws, where they
 #: land. Of [nlp] they depend on `carry_max` alone.
-CHOICE = {"cost", "choice", "torque", "uncertainty", "robust", "nlp"}
+CHOICE = {"cost", "choice", "torque", "uncertainty", "robust", "nlp", "constraints", "release"}
 LANDING = {"target", "tolerance", "cup", "bin", "landing", "obstacle", "rest", "calibration"}
 #: Bins of landings on each axis.
 BINS = 40
