@@ -220,6 +220,15 @@ class Solid:
         return shapes.to_box(begin, end, self.centre, self.axes, self.half) - self.radius
 
 
+def solids_of(scene: Any, plane: Plane) -> list[Solid]:
+    """The scene's obstacles, and the walls of its bin."""
+    found = [Solid.of(o) for o in scene.obstacle]
+    if scene.bin is None:
+        return found
+    boxes = bins.BinWalls(scene.bin, plane).boxes()
+    return found + [Solid("bin wall", *box, 0.0, scene.bin.clearance, wall=True) for box in boxes]
+
+
 class Around:
     """The bodies around a motion. ticks (K,) [s]: instants at which the arm is checked; speed
     [m/s]: of the cup along x."""
@@ -229,11 +238,7 @@ class Around:
     ) -> None:
         self.scene, self.motion, self.ticks, self.speed = scene, motion, ticks, speed
         self.moved = motion if isinstance(motion, ArmMotion) else None
-        self.solids = [Solid.of(o) for o in scene.obstacle]
-        if scene.bin is not None:
-            boxes = bins.BinWalls(scene.bin, motion.plane).boxes()
-            kept = scene.bin.clearance
-            self.solids += [Solid("bin wall", *box, 0.0, kept, wall=True) for box in boxes]
+        self.solids = solids_of(scene, motion.plane)
 
     def arm(self, planned: bool) -> dict[str, Found]:
         """Distances of the arm from floor, obstacles and itself."""

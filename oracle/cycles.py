@@ -14,10 +14,10 @@ import numpy as np
 from throwplan.problems.scene_files import scene_from_table
 
 from . import shapes
-from .clearance import LANDS, Flight, Solid, may_overlap
+from .clearance import LANDS, Flight, Solid, may_overlap, solids_of
 from .files import columns_of
 from .judge import Judged, Oracle, joint_limits
-from .motion import TICK, Array, Frame, Samples, frames_of, link_inertia, quintics
+from .motion import TICK, Array, Frame, Plane, Samples, frames_of, link_inertia, quintics
 
 #: Largest landing error (position [m], angle [rad]) beyond the scene's tolerance.
 LANDING = 2e-4, math.radians(0.05)
@@ -239,7 +239,7 @@ class _CycleJudge:
 
     def _obstacles(self, scene: Any, rows: slice) -> Iterator[str]:
         """Distances of the arm."""
-        for solid in (Solid.of(o) for o in scene.obstacle):
+        for solid in _solids(scene):
             for (ends, radius), number in zip(self.links, self.numbers, strict=True):
                 away = solid.distance(*ends[:, rows][:, ::EVERY]).min() - radius
                 if number > 1 and away < solid.clearance - NEAR:
@@ -267,7 +267,7 @@ class _CycleJudge:
                 away -= radius if scene.object.outline else half
                 if away < -COLUMN_NEAR:
                     yield f"held object, base column: {away:.4f}"
-            for solid in (Solid.of(o) for o in scene.obstacle):
+            for solid in _solids(scene):
                 away = solid.distance(begin, end).min() - radius
                 if away < solid.clearance - NEAR:
                     yield f"held object, {solid.name}: {away:.4f}"
@@ -391,6 +391,14 @@ class _CycleJudge:
                 away = shapes.between_segments(begin, end, *ends[:, rows]) - own - radius
                 if away.min(initial=math.inf) < -NEAR:
                     yield f"flying object, link {number}: {away.min():.4f}"
+
+
+def _solids(scene: Any) -> list[Solid]:
+    """The obstacles and the bin of a throw, whose plane goes through its target."""
+    target, lateral = scene.target, scene.arm.lateral
+    turn = math.atan2(target.y, target.x) if target.y else 0.0
+    turn -= math.asin(lateral / math.hypot(target.x, target.y)) if lateral else 0.0
+    return solids_of(scene, Plane(turn, lateral))
 
 
 def _rows(frame: Frame, rows: slice) -> Frame:

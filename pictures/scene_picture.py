@@ -176,16 +176,16 @@ def _draw_bin(axes: Axes, scene: Scene) -> None:
         cos, sin = math.cos(into.yaw), math.sin(into.yaw)
         turn = np.array([[cos, -sin], [sin, cos]])
         corners = turn @ (np.array([[1, 1, -1, -1, 1], [1, -1, -1, 1, 1]]) * [[half], [wide]])
-        place = [turn @ point for point in ([-half, -0.6 * wide], [half, -0.6 * wide])]
+        place = [turn @ point for point in ([-half, -0.7 * wide], [half, -0.7 * wide])]
         _length(axes, tuple(place[0]), tuple(place[1]), f"length {into.length:g}")
-        place = [turn @ point for point in ([0.6 * half, -wide], [0.6 * half, wide])]
+        place = [turn @ point for point in ([-0.7 * half, -wide], [-0.7 * half, wide])]
         _length(axes, tuple(place[0]), tuple(place[1]), f"width {into.width:g}")
     axes.plot(*corners, color=BLACK, lw=2)
     off, (half, _) = scene.aim.plane_x - into.along, scene.aim.half_widths
     axes.plot([off - half, off + half], [0.0, 0.0], "|-", color=GREEN, ms=9)
     yaw = f", yaw_deg {math.degrees(into.yaw):g}" if into.yaw else ""
     words = f"rim {into.rim:g}, depth {into.depth:g}{yaw}"
-    _schematic(axes, f"[bin] from above, the throw to the right, and landings: {words} [m]")
+    _schematic(axes, f"[bin] from above, landings: {words} [m]")
 
 
 def _draw_times(axes: Axes, scene: Scene) -> None:

@@ -13,7 +13,7 @@ from throwplan.cycles import load_jobs, plan_cycle
 from throwplan.planner import Code, verdict_on
 from throwplan.problems import scene_from_table
 
-from oracle import bin_study
+from oracle import bin_study, broken_limits
 from oracle.files import oracle_of, read_oracle, read_rows
 
 #: A box in front of a Panda, and another object: a T of two capsules.
@@ -189,6 +189,8 @@ def test_a_cycle_throws_into_bins_whose_walls_are_obstacles_of_all_motions(tmp_p
     assert first.bin.shape == "box" and first.target.theta is None
     cycle = plan_cycle(jobs)
     assert cycle.solved
+    cycle.save(tmp_path / "out")
+    assert broken_limits(tmp_path / "out") == []
     for one in cycle.motion.carries:
         where = one.throw.landing.pose
         assert one.throw.scene.bin.holds(where[0], 0.0)
