@@ -570,9 +570,9 @@ INLINE double passes(const scene *s, const double start[6], const object *o, dou
 }
 
 /* Least clearance on the way into the cup, as a cup that moves sees it: from the lower end's passing the
-   rim's plane, or a plane `bin_lead` above it, until the way in is over (`overs`), the least distance of outline
-   and wall or rim, negative outside. -infinity for a bar that misses it. Where the outline passes the rim's height it is no nearer
-   to the wall than the rim is to the bar. */
+   rim's plane, or a plane `bin_lead` above it, until the way in is over (`overs`), the least distance of
+   outline and wall or rim, negative outside. -infinity for a bar that misses it. Where the outline passes
+   the rim's height it is no nearer to the wall than the rim is to the bar. */
 INLINE double enter(const scene *s, double cup_x, const double from[6], double flight, const object *o)
 {
     double speed = s->cup_speed, start[6];

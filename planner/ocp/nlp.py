@@ -20,7 +20,11 @@ from .request import Request, Weights
 from .scene_constraint import BRAKE_SHARE, SceneConstraint
 from .solver import Solution
 from .stage_functions import Shared
+<<<<<<< HEAD
 from .stages import JERK_UNIT, SLACKS, Block, NlpStructure
+=======
+from .stages import BIN_WALLS, JERK_UNIT, SLACKS, Block, Structure
+>>>>>>> bin
 from .terms import TERMS
 from .transcription import UNITS, Ocp, grip_instants
 
@@ -140,7 +144,7 @@ class ThrowNlp(StagedNlp):
             multipliers[name] = max(multipliers.get(name, 0.0), abs(multiplier))
 
         for row, inequality in enumerate(self.lbg < self.ubg):
-            if inequality:
+            if inequality and self.row_names[row] != BIN_WALLS:
                 add(self.row_names[row], solution.lam_g[row])
         distance = np.minimum(solution.x - bounds[0], bounds[1] - solution.x)
         for block, _, where in self.blocks:

@@ -110,6 +110,8 @@ ACC = Block("acc")
 T_F = Block("t_f", "flight time")
 #: The landing in a region: from -1 at the lowest to 1 at the highest x (index 0), theta (1).
 PLACE = Block("place")
+#: Name of the constraints that a price of the room in a bin presses against at every optimum.
+BIN_WALLS = "bin"
 #: Room between object and walls of a bin, a share of its half opening.
 ROOM = Block("room")
 #: Angles [rad] below the horizontal of normals that part the object from a bin's rim.

@@ -13,7 +13,7 @@ from ....problems import Object
 from ...verdict import reach_of_bar
 from ..request import Request
 from ..scene_constraint import Flight, SceneConstraint
-from ..stages import ROOM, TURN, Block, Stage, T
+from ..stages import BIN_WALLS, ROOM, TURN, Block, Stage, T
 from ..transcription import Ocp, OutlinePoint
 
 #: Margin to the bounds of [landing], a share of them: covers the NLP's error of the landing.
@@ -36,9 +36,12 @@ HIGH = 3.0
 HEIGHTS = (8, 16)
 #: Share of the height of the flight's top over the rim from which a bin's constraints begin.
 TOP = 0.9
-#: Price of the room in a bin, a share of its half opening: far above an effort's.
+#: Price of the room in a bin, a share of its half opening: it counts more than effort.
 ROOM_PRICE = 30.0
-QUIET_PRICE = 300.0
+#: The same where the load on the pads has a price: it counts more than that.
+QUIET_ROOM_PRICE = 300.0
+#: Least difference [m] of the bounds of the room in a bin.
+BETWEEN = 0.001
 
 
 @dataclass(frozen=True)
@@ -242,16 +245,15 @@ class BinClearance(SceneConstraint):
             return None
         fine = "flight" in request.refinement.lazy
         half, reach = into.half_opening(thing), reach_of_bar(thing)
+        margin = CUP_MARGINS[fine] + request.refinement.margins["cup"]
+        least = half - into.half_opening(thing, into.clearance) + margin
         values: dict[str, Any] = {
             "bin_x": into.along + _offset(request),
             "bin_rim": into.rim,
             "bin_half": half,
-            "bin_room": half
-            - into.half_opening(thing, into.clearance)
-            + CUP_MARGINS[fine]
-            + request.refinement.margins["cup"],
-            "room_price": QUIET_PRICE if request.refinement.quiet else ROOM_PRICE,
-            "bin_best": into.best_room(thing),
+            "bin_room": least,
+            "room_price": QUIET_ROOM_PRICE if request.refinement.quiet else ROOM_PRICE,
+            "bin_best": max(into.best_room(thing), least + BETWEEN),
             "bin_heights": (reach + into.clearance, -min(reach, into.depth)),
         }
         return cls(values, HEIGHTS[fine], request.elastic > 0.0)
@@ -262,7 +264,7 @@ class BinClearance(SceneConstraint):
         half, rim, room = p("bin_half"), p("bin_rim"), flight.stage.control(ROOM)
         middle = p("bin_x") + (end.x - p("target_x") if self.elastic else 0)
         flight.subject_to("bin clearance", room - p("bin_room") / half, low=0.0)
-        flight.subject_to("bin room", room - p("bin_best") / half, high=0.0)
+        flight.subject_to(BIN_WALLS, room - p("bin_best") / half, high=0.0)
         flight.add_objective(p("room_price") * (1 - room))
         if flight.ocp.structure.parts:
             points = flight.ocp.outline_points(2)
@@ -283,7 +285,7 @@ class BinClearance(SceneConstraint):
                     x, z = point.placed(at.x, at.z, cos, sin)
                     beyond = side * ca.cos(turn) * (x - middle - side * half)
                     beyond += point.radius - ca.sin(turn) * (z - rim)
-                    flight.subject_to("bin clearance", beyond / half + room, high=0.0)
+                    flight.subject_to(BIN_WALLS, beyond / half + room, high=0.0)
 
 
 def _offset(request: Request) -> float:
