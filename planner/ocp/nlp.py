@@ -20,11 +20,7 @@ from .request import Request, Weights
 from .scene_constraint import BRAKE_SHARE, SceneConstraint
 from .solver import Solution
 from .stage_functions import Shared
-<<<<<<< HEAD
-from .stages import JERK_UNIT, SLACKS, Block, NlpStructure
-=======
-from .stages import BIN_WALLS, JERK_UNIT, SLACKS, Block, Structure
->>>>>>> bin
+from .stages import BIN_WALLS, JERK_UNIT, SLACKS, Block, NlpStructure
 from .terms import TERMS
 from .transcription import UNITS, Ocp, grip_instants
 
