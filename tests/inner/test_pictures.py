@@ -28,7 +28,7 @@ def plan(plan_of) -> tp.Plan:
 
 
 @pytest.mark.parametrize(
-    "wrong", [None, [], 3, "no/such/plan", lambda plan: plan.scene, tp.ReachMap], ids=str
+    "wrong", [None, [], 3, "no/such/plan", lambda plan: plan.scene, tp.ReachMap]
 )
 def test_what_has_no_picture_is_refused(plan, wrong) -> None:
     with pytest.raises(tp.InputError):
