@@ -41,6 +41,7 @@ def distance(plan: tp.Plan) -> float:
     return float(judged.found["bin"].value[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["box", "round"])
 def test_random_bins_take_whole_objects(shape: str) -> None:
     random = np.random.default_rng(3)
@@ -120,6 +121,7 @@ def test_a_throw_beside_the_bin_or_onto_its_rim_does_not_go_in() -> None:
         assert code in broken or Code.BIN_WALL in broken
 
 
+@pytest.mark.slow
 def test_a_sweep_counts_throws_into_the_bin(tmp_path: Path) -> None:
     """As the oracle does, wherever it is sure."""
     late = tp.Uncertainty(delay=tp.Distribution(uniform=0.04))
@@ -180,6 +182,7 @@ bins = ["bucket"]
 """
 
 
+@pytest.mark.slow
 def test_a_cycle_throws_into_bins_whose_walls_are_obstacles_of_all_motions(tmp_path: Path) -> None:
     file = tmp_path / "two.toml"
     file.write_text(CYCLE)
