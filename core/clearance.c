@@ -549,7 +549,6 @@ CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flyi
                          const double *times, const double *ends, double *room)
 {
     track on = {.n = n, .flying = flying, .bar = bar, .times = times, .ends = ends};
-    segment one;
     for (int64_t k = 0; k < n; k++)
         room[k] = INFINITY;
     for (int64_t s = 0; s < all->solids; s++)
