@@ -306,6 +306,7 @@ def test_recordings_are_predicted_by_the_scene(recorded):
     assert abs(shifted.section.x - found.section.x) > 0.004
 
 
+@pytest.mark.slow
 def test_the_page_of_the_shipped_throws_leads_to_a_plan(run, tmp_path, monkeypatch):
     """Its commands in turn, with a fifth of the throws: the plan aims beside its target by the bias
     of the calibration, with the contact that was identified."""

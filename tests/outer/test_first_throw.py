@@ -83,6 +83,7 @@ def test_the_page_s_scene_is_planned_counted_rehearsed_and_thrown(follow, table)
     assert np.ptp(rows["q2"]) > 0.1 and rows["width"][-1] > rows["width"][0]
 
 
+@pytest.mark.slow
 def test_the_page_s_scene_is_planned_for_an_arm_of_one_s_own(follow, run) -> None:
     pytest.importorskip("yourdfpy")
     follow(1)

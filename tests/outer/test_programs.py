@@ -160,6 +160,7 @@ def modules(monkeypatch) -> Any:
     return replace
 
 
+@pytest.mark.slow
 def test_franky_moves_to_the_start_of_a_plan(saved, modules, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("out").mkdir()
