@@ -140,7 +140,7 @@ bar rests. `throwplan view` shows the same in 3-D, and `--mp4` films it there.
 
 # %%
 with tempfile.TemporaryDirectory() as folder:
-    free.save(folder)
+    pictures.save(free, folder)
     display(Image(f"{folder}/throw.gif", width=576))
 
 # %% [markdown]

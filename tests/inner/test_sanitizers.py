@@ -35,6 +35,7 @@ for model in ("sp", "ls-step", "sp-paper"):
     "follow": """
 planner = tp.Planner(loud("pose"))
 plan, tick = planner.plan(patience=60.0), 0
+from throwplan import robots
 session, there = robots.follow(planner, plan), plan.target.changed(x=plan.target.x + 0.06)
 while (sent := session.throw.samples) and session.update(
     1e-3 * tick, sent.q[tick], sent.dq[tick], there if tick > 40 else plan.target

@@ -128,7 +128,7 @@ def test_a_robust_plan_lands_in_the_middle(pose_planner, plan) -> None:
     known |= {"speed": (1.0, 5.0), "rate": (-9.0, 9.0), "friction": 0.6, "patch_radius": 0.006}
     calibration = Calibration(throws=20, level=0.9, opening=0.04, model="ls-step", **known)
     wide = dataclasses.replace(found, scene=found.scene.replace(calibration=calibration))
-    assert "the region's bound of theta, nearer than your throws scatter" in wide.summary()
+    assert "the region's bound of theta, nearer than your throws scatter" in wide.summary(True)
     plain, quiet = (
         tp.sweep(one, samples=256).to_dict()["success"]["rate"] for one in (plan, found)
     )
