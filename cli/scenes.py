@@ -266,6 +266,9 @@ def map_landings(options: argparse.Namespace) -> int:
     with Progress(scene.name) as progress:
         result = reach_map(scene, z, samples, robust=options.robust, progress=progress)
     if not result.found:
+        if options.out is not None and Path(options.out).is_dir():
+            with filling(Path(options.out), MAP_FILES):
+                pass  # An earlier map goes.
         if options.json:
             print_result(options, result.to_dict(), "")
         return fail(result.message)

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..problems import (
     Arm,
+    Bin,
     Cost,
     InputError,
     Mistakes,
@@ -30,7 +31,6 @@ from ..problems import (
     unknown,
     within,
 )
-from ..problems import Bin as SceneBin
 
 #: Largest numbers of picks and bins.
 MOST_PICKS, MOST_BINS = 100, 100
@@ -38,7 +38,7 @@ MOST_PICKS, MOST_BINS = 100, 100
 PICK_SECTIONS = ("object", "contact", "grasp")
 BIN_SECTIONS = ("target", "cup", "landing", "tolerance")
 #: Keys of a scene's [bin], which a bin has beside its name.
-BIN_KEYS = tuple(meanings(SceneBin))
+BIN_KEYS = tuple(meanings(Bin))
 #: Sections of a scene that only a plan of one throw follows.
 SINGLE_SECTIONS = ("rest", "choice", "robust")
 #: Weight [1/s] of the time in [cost] of a base without: the others hardly count beside it.
@@ -49,7 +49,7 @@ HOME = "throwplan.cycles"
 
 
 @dataclasses.dataclass(frozen=True)
-class Bin(Section):
+class JobBin(Section):
     """Where objects are thrown: its target as in a scene's [target], a pose or a region, at rest or
     moving from where it is when the cycle starts; a cup only if it has one of its own. Or with the
     keys of a scene's [bin], then without target all landings in it. The walls of all bins are
@@ -136,7 +136,7 @@ class Jobs(JobKeys):
     base: dict[str, Any]
     base_scene: Scene
     arm: Arm
-    bins: tuple[Bin, ...]
+    bins: tuple[JobBin, ...]
     picks: tuple[Pick, ...]
 
     @property
@@ -199,18 +199,18 @@ class Jobs(JobKeys):
                     found += [f"pick {number}: {line}" for line in self._mistakes(pick, one)]
         return found
 
-    def _mistakes(self, pick: Pick, one: Bin) -> list[str]:
+    def _mistakes(self, pick: Pick, one: JobBin) -> list[str]:
         try:
             self._scene(pick, one)
         except InputError as error:
             return str(error).splitlines()
         return []
 
-    def bin(self, name: str) -> Bin:
+    def bin(self, name: str) -> JobBin:
         """The bin of a name."""
         return next(one for one in self.bins if one.name == name)
 
-    def bins_of(self, pick: Pick) -> tuple[Bin, ...]:
+    def bins_of(self, pick: Pick) -> tuple[JobBin, ...]:
         """The bins that a pick's object may go to."""
         return tuple(one for one in self.bins if pick.bins is None or one.name in pick.bins)
 
@@ -233,14 +233,14 @@ class Jobs(JobKeys):
             for name, scene in scenes.items()
         }
 
-    def scene_of(self, pick: Pick, one: Bin) -> Scene:
+    def scene_of(self, pick: Pick, one: JobBin) -> Scene:
         """The scene of a throw, with the walls of other bins; its weights are those for little
         time, unless the base has some."""
         scene = self._scene(pick, one)
         walls = [wall for name, own in self._walls.items() if name != one.name for wall in own]
         return scene.replace(obstacle=(*scene.obstacle, *walls)) if walls else scene
 
-    def _scene(self, pick: Pick, one: Bin) -> Scene:
+    def _scene(self, pick: Pick, one: JobBin) -> Scene:
         """The scene of a throw without other bins."""
         own = {key: self._kept(key, table) | table for key, table in pick.sections.items()}
         table = self.base | one.sections | own | {"name": self.name}
@@ -291,7 +291,7 @@ def jobs_from(tables: Mapping[str, Any], name: str, folder: Path | None = None) 
         if isinstance(tables.get("scene"), str):
             base = _base(tables["scene"], folder)
     with mistakes.kept():
-        bins = _rows("bin", Bin, BIN_SECTIONS, tables.get("bin"))
+        bins = _rows("bin", JobBin, BIN_SECTIONS, tables.get("bin"))
     with mistakes.kept():
         picks = _rows("pick", Pick, PICK_SECTIONS, tables.get("pick"))
     mistakes.refuse()
@@ -334,7 +334,7 @@ def _rows(key: str, kind: type[Any], sections: tuple[str, ...], value: Any) -> t
                 if not isinstance(table, Mapping):
                     wrong.lines.append(f"{name} = {table!r}: must be a section [{key}.{name}]")
             own = {name: v for name, v in row.items() if name not in sections}
-            if kind is Bin:
+            if kind is JobBin:
                 known = ["name", *BIN_KEYS, *sections]
                 wrong.lines += [unknown(name, known) for name in own if name not in known]
                 own = {name: v for name, v in own.items() if name in known}

@@ -81,7 +81,7 @@ def draw_bars(axes: Axes, bar: Object, poses: Array, **look: Any) -> None:
 def cup_profile(cup: Cup | Bin) -> Array:
     """Corners (4, 2) [m] of a cup or bin in the throw's plane: down, along the bottom and up."""
     bottom, half = cup.rim - cup.depth, cup.half_opening()
-    sides = [cup.along - half] * 2 + [cup.along + half] * 2
+    sides = [cup.plane_x - half] * 2 + [cup.plane_x + half] * 2
     return np.column_stack([sides, [cup.rim, bottom, bottom, cup.rim]])
 
 

@@ -181,7 +181,7 @@ def _draw_bin(axes: Axes, scene: Scene) -> None:
         place = [turn @ point for point in ([-0.7 * half, -wide], [-0.7 * half, wide])]
         _length(axes, tuple(place[0]), tuple(place[1]), f"width {into.width:g}")
     axes.plot(*corners, color=BLACK, lw=2)
-    off, (half, _) = scene.aim.plane_x - into.along, scene.aim.half_widths
+    off, (half, _) = scene.aim.plane_x - into.plane_x, scene.aim.half_widths
     axes.plot([off - half, off + half], [0.0, 0.0], "|-", color=GREEN, ms=9)
     yaw = f", yaw_deg {math.degrees(into.yaw):g}" if into.yaw else ""
     words = f"rim {into.rim:g}, depth {into.depth:g}{yaw}"

@@ -57,7 +57,7 @@ class Bin(Section):
         default=0.005,
     )
     #: x [m] of the centre in the throw's plane, from the scene; no key of files.
-    along: float = UNSET
+    plane_x: float = UNSET
     #: What messages call it.
     KIND: ClassVar[str] = "bin"
 
@@ -163,12 +163,12 @@ class Bin(Section):
                 f"x = {self.x:g}, y = {self.y:g}: {1e3 * abs(aside):.0f} mm beside the throw's "
                 "plane, that of [target]: must be in it"
             )
-        return self.changed(along=self.x * cos + self.y * sin)
+        return self.changed(plane_x=self.x * cos + self.y * sin)
 
     def moved(self, along: float, up: float, plane: ThrowPlane) -> Bin:
         """The bin with its centre at `along` [m] in a plane, and `up` [m] higher."""
         x, y, _ = map(float, plane.points(along, 0.0))
-        return self.changed(x=x, y=y, along=along, rim=self.rim + up)
+        return self.changed(x=x, y=y, plane_x=along, rim=self.rim + up)
 
     def check_target(self, target: Pose) -> None:
         """InputError if a landing at the target's height cannot be in the bin."""
@@ -179,7 +179,7 @@ class Bin(Section):
                 f"[bin] rim = {self.rim:g}: the [target] z = {target.z:g} is below its bottom at "
                 f"{self.rim - self.depth:.4g}"
             )
-        off = abs(target.miss(self.along, 0.0)[0])
+        off = abs(target.miss(self.plane_x, 0.0)[0])
         if target.z <= self.rim and off > self.half_opening():
             raise InputError(
                 f"[bin] x = {self.x:g}: the [target] is {off:.3g} m off its centre, outside"
@@ -188,7 +188,7 @@ class Bin(Section):
     def holds(self, along: Any, aside: Any) -> Flags:
         """Flags (...) of the points between the walls, along and to the left of the throw's plane
         [m] from its base axis."""
-        along = np.asarray(along) - self.along
+        along = np.asarray(along) - self.plane_x
         if self.radius is not None:
             return np.asarray(np.hypot(along, aside) < self.radius)
         assert self.length is not None and self.width is not None

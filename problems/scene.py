@@ -311,7 +311,7 @@ class Scene(Section):
             if cup is not None:
                 cup = cup.changed(x=cup.x + dx, rim=cup.rim + dz)
             if bin_ is not None and target != old:
-                bin_ = bin_.moved(bin_.along + dx, dz, target.plane)
+                bin_ = bin_.moved(bin_.plane_x + dx, dz, target.plane)
         return self.changed(target=target, cup=cup, bin=bin_)
 
     def fits(self, other: Scene) -> bool:
@@ -322,7 +322,7 @@ class Scene(Section):
             scene.unnamed.changed(
                 target=None,
                 cup=scene.cup and scene.cup.changed(**here),
-                bin=scene.bin and scene.bin.changed(**here, y=0.0, along=0.0),
+                bin=scene.bin and scene.bin.changed(**here, y=0.0, plane_x=0.0),
             )
             for scene in (self, other)
         )

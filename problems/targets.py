@@ -104,7 +104,7 @@ class Cup(Section):
             )
 
     @property
-    def along(self) -> float:
+    def plane_x(self) -> float:
         """x [m] of the centre in the throw's plane."""
         return self.x
 

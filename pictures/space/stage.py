@@ -104,7 +104,7 @@ class ObjectView:
         self.place(self.target, target)
         into, plane = self.throw.scene.aimed_at(target).opening, target.plane
         if into is not None:
-            self.cup.position = plane.points(into.along, into.rim)
+            self.cup.position = plane.points(into.plane_x, into.rim)
             self.cup.wxyz = (math.cos(plane.azimuth / 2), 0.0, 0.0, math.sin(plane.azimuth / 2))
 
     def place(self, node: Any, target: Pose) -> None:

@@ -224,7 +224,7 @@ def add_opening(body: Any, into: Cup | Bin, name: str = "") -> None:
     bottom, kind = into.rim - into.depth, load_mujoco().mjtGeom.mjGEOM_BOX
     turn = 0.0
     if isinstance(into, Bin) and into.length is not None and into.width is not None:
-        walls = [plate.solid for plate in into.changed(x=into.along, y=0.0).plates(0.0)]
+        walls = [plate.solid for plate in into.changed(x=into.plane_x, y=0.0).plates(0.0)]
         outer, turn = [into.length / 2 + WALL, into.width / 2 + WALL], into.yaw
     else:
         walls, outer = _round_wall(into), [into.reach + WALL] * 2
@@ -232,7 +232,7 @@ def add_opening(body: Any, into: Cup | Bin, name: str = "") -> None:
         name=f"{into.KIND} bottom{name}",
         type=kind,
         size=[*outer, WALL / 2],
-        pos=[into.along, 0.0, bottom - WALL / 2],
+        pos=[into.plane_x, 0.0, bottom - WALL / 2],
         quat=[math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2)],
     )
     for k, wall in enumerate(walls):
@@ -245,7 +245,7 @@ def _round_wall(into: Cup | Bin) -> list[Solid]:
     size, found = [WALL / 2, (into.reach + WALL) * math.tan(math.pi / BOXES), half], list[Solid]()
     for k in range(BOXES):
         turn = 2 * math.pi * k / BOXES
-        place = into.along + away * math.cos(turn), away * math.sin(turn), into.rim - half
+        place = into.plane_x + away * math.cos(turn), away * math.sin(turn), into.rim - half
         found.append(Solid(np.array(place), about_z(turn).T, np.array(size), 0.0))
     return found
 

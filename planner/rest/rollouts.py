@@ -222,7 +222,7 @@ def _is_lost(scene: Scene, com: Array) -> Flags:
     if rest.in_ is None or into is None:
         return np.zeros(len(com), bool)
     beyond = into.reach + 2 * scene.object.half_length
-    beside = np.hypot(com[:, 0] - into.along, com[:, 1]) > beyond
+    beside = np.hypot(com[:, 0] - into.plane_x, com[:, 1]) > beyond
     return np.asarray(beside & (com[:, 2] < into.rim))
 
 

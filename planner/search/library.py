@@ -200,7 +200,7 @@ def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
         # A cup that was moved and moved back may differ in the last digit.
         like = like.changed(cup=like.cup.changed(x=round(like.cup.x, 9)))
     if like.bin is not None:
-        like = like.changed(bin=like.bin.changed(x=0.0, y=0.0, along=round(like.bin.along, 9)))
+        like = like.changed(bin=like.bin.changed(x=0.0, y=0.0, plane_x=round(like.bin.plane_x, 9)))
     parts = f"throws {FORMAT}", repr(kind.descr)
     return cache / f"throws-{digest_of(like, {'cost', 'rest', 'calibration'}, *parts)}"
 

@@ -281,7 +281,7 @@ def core_scene(scene: Scene) -> Structure:
         found |= {"cup_x": cup.x, "cup_rim": cup.rim, "cup_insertion": cup.insertion}
         found["cup_radius"] = cup.radius_for(bar)
     if scene.bin is not None:
-        found |= {"cup_x": scene.bin.along, "cup_rim": scene.bin.rim}
+        found |= {"cup_x": scene.bin.plane_x, "cup_rim": scene.bin.rim}
         found |= {"bin_depth": scene.bin.depth, "bin_lead": scene.bin.clearance}
         found["cup_radius"] = scene.bin.half_opening(bar)
     return Structure("scene", **found)

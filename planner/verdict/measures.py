@@ -113,7 +113,7 @@ def _thrown(throw: Throw, flights: BatchFlights) -> Array:
     scene, column, h = throw.scene, flights.columns, flights.com_offset
     patch = scene.patch
     force = patch.faces * column["friction"] * scene.gripper.profile().full
-    cup_x = flights.way + (0.0 if scene.opening is None else scene.opening.along)
+    cup_x = flights.way + (0.0 if scene.opening is None else scene.opening.plane_x)
     numbers = (
         column["mass"],
         column["inertia"] + column["mass"] * h**2,

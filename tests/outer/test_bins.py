@@ -116,7 +116,7 @@ def test_a_throw_beside_the_bin_or_onto_its_rim_does_not_go_in() -> None:
     plan = tp.plan(into())
     throw = plan.throw.deciding
     for x, code in ((1.6, Code.BIN_MISSED), (1.13, Code.BIN_WALL)):
-        around = plan.scene.changed(bin=plan.scene.bin.changed(x=x, along=x))
+        around = plan.scene.changed(bin=plan.scene.bin.changed(x=x, plane_x=x))
         broken = verdict_on(throw.in_scene(around)).codes
         assert code in broken or Code.BIN_WALL in broken
 

@@ -178,3 +178,15 @@ def test_a_check_names_its_constraint_where_it_holds_a_throw_back() -> None:
     never = tp.Constraint("tall", in_flight=lambda f: f.start.x, high=9.0, check=lambda _: 10.0)
     plan = tp.Planner("hand-box", constraints=[never]).plan(patience=5.0)
     assert not plan.solved and "tall" in plan.summary()
+
+
+class Loose(SlidingPivot):
+    """A law under which nothing holds the object"""
+
+    def rates(self, state: Any, hand: Any, normal_force: Any) -> list[Any]:
+        return [state[3], state[4], state[5], 0.0 * state[0] + 500.0, -9.81 + 0 * state[0], 0.0]
+
+
+def test_an_object_that_leaves_the_pads_too_early_is_not_trusted() -> None:
+    """By a law of one's own as by the core."""
+    assert tp.simulate("drop", Loose)["Loose"].to_dict()["status"] != "ok"

@@ -248,7 +248,7 @@ class BinClearance(SceneConstraint):
         margin = CUP_MARGINS[fine] + request.refinement.margins["cup"]
         least = half - into.half_opening(thing, into.clearance) + margin
         values: dict[str, Any] = {
-            "bin_x": into.along + _offset(request),
+            "bin_x": into.plane_x + _offset(request),
             "bin_rim": into.rim,
             "bin_half": half,
             "bin_room": least,

@@ -45,11 +45,12 @@ def _add(one: Constraint, at: Scope, value: Callable[[Any], Any]) -> None:
         expression = ca.SX(ca.vertcat(*found) if isinstance(found, (list, tuple)) else found)
     except NotImplementedError:
         expression = ca.SX()
-    if not expression.numel() or any(map(_is_nan, ca.vertsplit(ca.vec(ca.densify(expression))))):
-        words = f"must be a CasADi expression, without NaN, not {str(found)[:60]!r}"
+    entries = ca.vertsplit(ca.vec(ca.densify(expression)))
+    if not expression.numel() or any(map(_is_no_number, entries)):
+        words = f"must be a CasADi expression of finite numbers, not {str(found)[:60]!r}"
         raise InputError(f"constraint {one.name}: {words}")
     at.subject_to(one.name, expression, one.low + one.margin, one.high - one.margin)
 
 
-def _is_nan(value: ca.SX) -> bool:
+def _is_no_number(value: ca.SX) -> bool:
     return bool(value.is_constant() and not math.isfinite(float(value)))
