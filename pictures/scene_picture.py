@@ -179,7 +179,8 @@ def _draw_bin(axes: Axes, scene: Scene) -> None:
         place = [turn @ point for point in ([-half, -0.7 * wide], [half, -0.7 * wide])]
         _length(axes, tuple(place[0]), tuple(place[1]), f"length {into.length:g}")
         place = [turn @ point for point in ([-0.7 * half, -wide], [-0.7 * half, wide])]
-        _length(axes, tuple(place[0]), tuple(place[1]), f"width {into.width:g}")
+        # Empty lines: the words are below the line of the landings.
+        _length(axes, tuple(place[0]), tuple(place[1]), f"\n\nwidth {into.width:g}")
     axes.plot(*corners, color=BLACK, lw=2)
     off, (half, _) = scene.aim.plane_x - into.plane_x, scene.aim.half_widths
     axes.plot([off - half, off + half], [0.0, 0.0], "|-", color=GREEN, ms=9)

@@ -92,6 +92,8 @@ def literal_texts(figure: Figure | None = None) -> Iterator[None]:
             text.set_parse_math(False)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph")
+        # The best place of a legend takes a second on a busy machine.
+        warnings.filterwarnings("ignore", message="Creating legend")
         yield
 
 

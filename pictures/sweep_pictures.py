@@ -105,7 +105,7 @@ def draw_landings(sweep: Sweep) -> Figure:
     axes.set(xlabel="x − target [mm]", ylabel=f"θ − {_angle_origin(sweep)[1]} [deg]")
     _widen(axes, vertical=True)
     axes.grid(alpha=0.25)
-    axes.legend(loc="upper right", fontsize=9, framealpha=0.9)
+    axes.legend(loc="best", fontsize=9, framealpha=0.9)
     return figure
 
 
@@ -143,7 +143,7 @@ def draw_delay(sweep: Sweep) -> Figure:
         axes.margins(x=0)
     each[-1].set_xlabel("opening later than expected [ms]")
     each[-1].set_ylim(bottom=0)
-    each[0].legend(loc="upper right", fontsize=9, framealpha=0.9)
+    each[0].legend(loc="best", fontsize=9, framealpha=0.9)
     return figure
 
 

@@ -76,7 +76,7 @@ def draw_throw(
         plots[-1].axvspan(times[0], times[-1], color=GREEN, alpha=0.12, lw=0)
         label = f"load while the pads may open,\nat most {100 * use.max():.1f} %"
         plots[-1].plot(times, use, color=GREEN, lw=2, label=label)
-        plots[-1].legend(fontsize=8, loc="upper left")
+        plots[-1].legend(fontsize=8)
     lay_out(figure)
     name_obstacles(stage, scene, throw.target)
     return figure
@@ -301,7 +301,7 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
     beyond = "above 1 it slips; infinite where the grip force falls to 0"
     use.set_title(beyond, loc="left", fontsize=8)
     for axis in (rate, use):
-        axis.legend(fontsize=8, loc="upper left")
+        axis.legend(fontsize=8)
     for axis in axes:
         axis.grid(alpha=0.25)
         axis.set_xlim(1e3 * line.marks["command"] - 120.0, 1e3 * line.marks["landing"])
