@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,8 +17,9 @@ from ..planner import (
     Throw,
     is_cycle,
     load_curve,
+    read_motion,
+    read_plan,
     sent_motion,
-    throw_of,
 )
 from ..problems import InputError, checked, filling
 from .cycle_picture import draw_cycle
@@ -29,13 +31,12 @@ from .throw_picture import draw_throw, draw_throw_moving
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Pictures of one kind of result, which take the place of those of an earlier one.
-FILES = (
-    ("throw.png", "throw.gif"),
-    ("landings.png", "delay.png", "tornado.png"),
-    ("map.png",),
-    ("cycle.png",),
-)
+    #: Figures by the names of their files, the main one first; films; and names of further pictures
+    #: that an earlier result of the kind may have.
+    _Pictures = tuple[
+        Mapping[str, Callable[[], Figure]], Mapping[str, Callable[[Path], None]], tuple[str, ...]
+    ]
+
 #: What has a picture: results, motions, and the files of plans and cycles.
 Drawable = Plan | Throw | Sweep | ReachMap | SentMotion | Sendable | str | Path
 
@@ -50,7 +51,7 @@ def draw(result: Drawable, file: str | Path | None = None) -> Figure:
     file = checked("file", file, str | Path | None, {})
     if file is not None and Path(file).suffix != ".png":
         raise InputError(f"file = {str(file)!r}: must be a .png file")
-    figure = next(iter(_figures(result).values()))()
+    figure = next(iter(_pictures(result)[0].values()))()
     if file is not None:
         try:
             save_figure(figure, Path(file))
@@ -71,63 +72,46 @@ def save(result: Drawable, folder: str | Path) -> None:
     folder = Path(checked("folder", folder, str | Path, {}))
     if isinstance(result, Plan) and not result.solved and result.nearest is not None:
         return save(result.nearest, folder / NEAREST)
-    figures, films = _figures(result), _films(result)
-    names = next((names for names in FILES if {*figures, *films} <= {*names}), ())
-    with filling(folder, names) as scratch:
+    figures, films, others = _pictures(result)
+    with filling(folder, (*figures, *films, *others)) as scratch:
         for name, figure in figures.items():
             save_figure(figure(), scratch / name)
         for name, film in films.items():
             film(scratch / name)
 
 
-def _figures(result: Drawable) -> Mapping[str, Callable[[], Figure]]:
-    """The figures of a result by the names of their files, the main one first."""
+def _pictures(result: Drawable) -> _Pictures:
+    """What is drawn of a result, and how."""
+    if isinstance(result, str | Path):
+        result = read_motion(result) if is_cycle(result) else read_plan(result)
     if isinstance(result, Sweep):
-        more = (
-            {"tornado.png": lambda: draw_tornado(result)} if len(result.sampler.names) > 1 else {}
-        )
-        return {
-            "landings.png": lambda: draw_landings(result),
-            "delay.png": lambda: draw_delay(result),
-            **more,
-        }
+        figures = {"landings.png": draw_landings, "delay.png": draw_delay}
+        if len(result.sampler.names) > 1:
+            figures["tornado.png"] = draw_tornado
+        drawn = {name: partial(figure, result) for name, figure in figures.items()}
+        return drawn, {}, ("tornado.png",)
     if isinstance(result, ReachMap):
         if not result.found:
             raise InputError(result.message)
-        return {"map.png": lambda: draw_map(result)}
-    if (motion := _cycle_of(result)) is not None:
-        return {"cycle.png": lambda: draw_cycle(motion)}
-    throw, short_of, load = _throw_of(result), None, None
+        return {"map.png": partial(draw_map, result)}, {}, ()
+    short_of = load = None
     if isinstance(result, Plan):
-        short_of, load = result.short_of, load_curve(throw) if result.robust else None
-    return {"throw.png": lambda: draw_throw(throw, load, short_of)}
-
-
-def _films(result: Drawable) -> Mapping[str, Callable[[Path], None]]:
-    """The films of a result by the names of their files."""
-    if isinstance(result, Sweep | ReachMap) or _cycle_of(result) is not None:
-        return {}
-    throw = _throw_of(result)
-    return {"throw.gif": lambda path: draw_throw_moving(throw, path)}
-
-
-def _throw_of(result: Drawable) -> Throw:
-    """The throw of a result that has one; InputError for others."""
-    if isinstance(result, Plan | Throw | str | Path):
-        return throw_of(result)
-    if isinstance(result, SentMotion) or hasattr(result, "sent_motion"):
-        return sent_motion(result).throw
-    allowed = "a plan, a throw, a sweep, a reach map, a cycle, a sent motion or the path of a file"
-    raise InputError(f"result = {str(result)[:60]!r}: must be {allowed}")
-
-
-def _cycle_of(result: Drawable) -> SentMotion | None:
-    """The motion of a cycle; None for other results."""
-    if isinstance(result, Plan | Throw | Sweep | ReachMap):
-        return None
-    if isinstance(result, str | Path) and not is_cycle(result):
-        return None
-    if not isinstance(result, SentMotion | str | Path) and not hasattr(result, "sent_motion"):
-        return None
-    motion = sent_motion(result)
-    return motion if motion.picks else None
+        throw, short_of = result.sent_throw(), result.short_of
+        load = load_curve(throw) if result.robust else None
+    elif isinstance(result, Throw):
+        throw = result
+    elif isinstance(result, SentMotion) or hasattr(result, "sent_motion"):
+        motion = sent_motion(result)
+        if motion.picks:
+            return {"cycle.png": partial(draw_cycle, motion)}, {}, ()
+        throw = motion.throw
+    else:
+        allowed = (
+            "a plan, a throw, a sweep, a reach map, a cycle, a sent motion, the path of a file"
+        )
+        raise InputError(f"result = {str(result)[:60]!r}: must be {allowed}")
+    return (
+        {"throw.png": partial(draw_throw, throw, load, short_of)},
+        {"throw.gif": partial(draw_throw_moving, throw)},
+        (),
+    )
