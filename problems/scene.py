@@ -44,9 +44,8 @@ UNBOUNDED = Workspace()
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Scene(Section):
-    """A scene. `file` is its origin, for messages; `arm` has the robot's data;
-    `constraints` and the
-    law of the `release` are a user's own.
+    """A scene. `file` is its origin, for messages; `arm` has the robot's data. `constraints` and
+    the law of the `release` are a user's own.
 
     Sections are given by their names: ``Scene(name="mine", object=Object(...), ...)``; a section
     that is None adds nothing. `replace` makes a variant.

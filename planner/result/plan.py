@@ -37,7 +37,8 @@ class Plan:
     ended; bound: what proves that nothing reaches the target. starts: how many were tried.
     short_of: the target of a nearest throw, which it misses.
 
-    robust: whether throws that succeed more often under [uncertainty] were looked for.
+    robust: whether throws that succeed more often under [uncertainty] were looked for; sampled: of
+    how many samples the throw succeeds, in words, where they chose it.
     """
 
     scene: Scene
@@ -58,6 +59,7 @@ class Plan:
     alternatives: tuple[Plan, ...] = ()
     short_of: Pose | None = None
     robust: bool = False
+    sampled: str = ""
 
     def __repr__(self) -> str:
         """One line instead of the arrays."""

@@ -234,8 +234,8 @@ def _often(plan: Plan) -> list[str]:
         facts.append(
             known.words or f"[calibration] does not hold here: {different[0]}: calibrate again"
         )
-    if sampled := plan.message.partition("; ")[2]:
-        facts.append(sampled)
+    if plan.sampled:
+        facts.append(plan.sampled)
     if words := _at_bounds(plan):
         cure = "--robust aims inside" if robust else "throwplan map shows what is in reach"
         facts.append(f"{words}: {cure}")
@@ -295,16 +295,16 @@ def exceeded_lines(found: Mapping[str, tuple[float, float]], may: str = "") -> I
 def unchecked_words(scene: Scene) -> str:
     """What is not checked, constraints of one's own or parts of an arm, and what to do; empty where
     all is."""
-    unknown = [one.name for one in scene.constraints if one.check is None]
-    if unknown:
-        return f"not checked: {', '.join(unknown)} (give each constraint a check)"
-    arm = scene.arm
-    if scene.robot is None or arm is None:
-        return ""
-    parts = {"torques": ("[[links]]", arm.links), "contacts": ("[[capsules]]", arm.capsules)}
-    missing = {name: key for name, (key, given) in parts.items() if not given}
-    keys = f"give arm {arm.name} {', '.join(missing.values())}"
-    return f"not checked: {', '.join(missing)} ({keys})" if missing else ""
+    names, cures = [one.name for one in scene.constraints if one.check is None], list[str]()
+    if names:
+        cures.append("give each constraint a check")
+    if scene.robot is not None and (arm := scene.arm) is not None:
+        parts = {"torques": ("[[links]]", arm.links), "contacts": ("[[capsules]]", arm.capsules)}
+        missing = {name: key for name, (key, given) in parts.items() if not given}
+        if missing:
+            names += missing
+            cures.append(f"give arm {arm.name} {', '.join(missing.values())}")
+    return f"not checked: {', '.join(names)} ({'; '.join(cures)})" if names else ""
 
 
 def assumed_words(scene: Scene, assumed: Sequence[str], target: Pose | None = None) -> str:

@@ -79,6 +79,5 @@ def chosen(candidates: Sequence[Candidate]) -> Plan:
     """The best of candidates, with the others as its alternatives."""
     best = best_of(candidates)
     others = tuple(one.plan for one in candidates if one is not best)
-    return dataclasses.replace(
-        best.plan, message=f"{best.plan.message}; {best.words}", alternatives=others
-    )
+    message = f"{best.plan.message}; {best.words}"
+    return dataclasses.replace(best.plan, message=message, sampled=best.words, alternatives=others)
