@@ -494,7 +494,7 @@ INLINE void highest_of(const box *b, const pose *at, lane found)
 
 /* How far the way in is over, `time` after detach: the lowest corner is `cup_insertion` below the rim; of a bin
    the highest corner is at the rim, or the lowest at the bottom. */
-INLINE void overs(const scene *s, const double start[6], const object *o, const lane time, lane over)
+INLINE void entry_excess(const scene *s, const double start[6], const object *o, const lane time, lane over)
 {
     pose at;
     lane below;
@@ -555,7 +555,7 @@ INLINE double passes(const scene *s, const double start[6], const object *o, dou
         lane time, depth;
         EACH_LANE time[l] = low + (high - low) * (l + 1) / 8.0;
         if (ends)
-            overs(s, start, o, time, depth);
+            entry_excess(s, start, o, time, depth);
         else
             depths(s, start, o, time, depth);
         int first = 7;
@@ -570,7 +570,7 @@ INLINE double passes(const scene *s, const double start[6], const object *o, dou
 }
 
 /* Least clearance on the way into the cup, as a cup that moves sees it: from the lower end's passing the
-   rim's plane, or a plane `bin_lead` above it, until the way in is over (`overs`), the least distance of
+   rim's plane, or a plane `bin_lead` above it, until the way in is over (`entry_excess`), the least distance of
    outline and wall or rim, negative outside. -infinity for a bar that misses it. Where the outline passes
    the rim's height it is no nearer to the wall than the rim is to the bar. */
 INLINE double enter(const scene *s, double cup_x, const double from[6], double flight, const object *o)
@@ -585,7 +585,7 @@ INLINE double enter(const scene *s, double cup_x, const double from[6], double f
         lane time, found, ended;
         EACH_LANE time[l] = (flight + BEYOND) * (k + l) / (COARSE - 1.0);
         depths(s, start, o, time, found);
-        overs(s, start, o, time, ended);
+        entry_excess(s, start, o, time, ended);
         EACH_LANE {
             times[k + l] = time[l];
             depth[k + l] = found[l];
