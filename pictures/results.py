@@ -86,10 +86,11 @@ def _pictures(result: Drawable) -> _Pictures:
         result = read_motion(result) if is_cycle(result) else read_plan(result)
     if isinstance(result, Sweep):
         figures = {"landings.png": draw_landings, "delay.png": draw_delay}
-        if len(result.sampler.names) > 1:
+        several = len(result.sampler.names) > 1
+        if several:
             figures["tornado.png"] = draw_tornado
         drawn = {name: partial(figure, result) for name, figure in figures.items()}
-        return drawn, {}, ("tornado.png",)
+        return drawn, {}, () if several else ("tornado.png",)
     if isinstance(result, ReachMap):
         if not result.found:
             raise InputError(result.message)
