@@ -81,7 +81,7 @@ notebooks: .venv/notebooks
 	$(BIN)/jupyter lab examples
 
 notebooks-executed: .venv/notebooks
-	$(BIN)/python examples/execute.py
+	$(BIN)/python docs/site/execute.py
 
 .venv/run: $(FILES)
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv

@@ -11,8 +11,8 @@ that several functions have:
     gravity       [m/s^2] along -z (9.81)
 
 Inputs are numbers or CasADi symbols; of `function.map(N)`, N columns, or one for all. An input that
-a call leaves out, and that has no value above, is NaN. Functions that CasADi derives by `factory`
-or `jacobian` take all inputs: CasADi sets those left out to 0.
+a call leaves out, and that has no value above, is NaN. Functions that CasADi derives by `factory`,
+`jacobian` or `mapaccum` take all inputs: CasADi sets those left out to 0.
 """
 
 from __future__ import annotations
@@ -54,6 +54,9 @@ def release_dynamics() -> ca.Function:
     Outputs: rates (6,) of the state; object (6,) in the world; excess (2,), by which the pivot's
     torque [N m] and force [N] exceed the friction limits: an object without slip and with a
     constant theta_r sticks while both are below 0.
+
+    The law is for a grip that falls. Its friction keeps an object from accelerating against the
+    hand, and does not brake one that turns already.
     """
     s = _symbols("state", size=6) | _symbols("pose", "twist", "acceleration", size=3)
     s |= _symbols("normal_force", *BODY, *CONTACT, "gravity", "width")
@@ -72,9 +75,10 @@ def release_dynamics() -> ca.Function:
 def limit_surface_step() -> ca.Function:
     """One Moreau-Jean step of an object on the ellipsoidal limit surface (19), without smoothing.
 
-    Inputs: object (6,) and pose (3,) of the hand where the step begins; next_pose, next_twist (3,)
-    of the hand where it ends; normal_force in its middle, above 0; dt [s]; mass, inertia;
-    friction, patch_radius, torsion, faces; gravity.
+    Inputs: object (6,) and pose (3,) of the hand where the step begins (of a held object: `object`
+    of `release_dynamics` with a zero state); next_pose, next_twist (3,) of the hand where it ends;
+    normal_force in its middle, above 0; dt [s]; mass, inertia; friction, patch_radius, torsion,
+    faces; gravity.
     Output: next_object (6,). The steps are of first order. The derivative jumps where the object
     begins to slip.
     """

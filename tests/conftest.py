@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import socket
 import tempfile
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -16,8 +18,22 @@ from builders import loud
 from job_lists import TWO
 from throwplan import cycles
 
-_FOLDER = tempfile.TemporaryDirectory(prefix="throwplan-tests-")
-os.environ["THROWPLAN_CACHE"] = _FOLDER.name
+# The processes of one run share their cache.
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    _FOLDER = tempfile.TemporaryDirectory(prefix="throwplan-tests-")
+    os.environ["THROWPLAN_CACHE"] = _FOLDER.name
+
+
+def pytest_terminal_summary(terminalreporter) -> None:
+    """Prints how long the tests of each file took."""
+    seconds: Counter[str] = Counter()
+    for report in itertools.chain(*terminalreporter.stats.values()):
+        if isinstance(report, pytest.TestReport):
+            seconds[report.nodeid.split("::")[0]] += report.duration
+    if len(seconds) > 1:
+        terminalreporter.section("seconds in each file")
+        for file, time in seconds.most_common():
+            terminalreporter.write_line(f"{time:8.1f}  {file}")
 
 
 @pytest.fixture(scope="session")

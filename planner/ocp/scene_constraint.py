@@ -95,7 +95,7 @@ class Flight(Node):
         end = node.ocp.flight.after(start, time)
         return cls(node.ocp, node.stage, node.k, start, end, time)
 
-    def after(self, time: ca.SX) -> FlightState:
+    def after(self, time: ca.SX | float) -> FlightState:
         """The state `time` [s] after detach."""
         return self.ocp.flight.after(self.start, time)
 

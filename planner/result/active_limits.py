@@ -3,7 +3,7 @@ nothing reaches it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -51,10 +51,11 @@ class ActiveLimit:
     advice: str
 
     @classmethod
-    def of(cls, limit: str) -> ActiveLimit:
-        """That of a limit's name, such as "joint 4 velocity"."""
-        ends = (name for name in sorted(ADVICE, key=len, reverse=True) if limit.endswith(name))
-        key, advice = ADVICE.get(next(ends, ""), ("", "wider bounds of it"))
+    def of(cls, limit: str, own: Collection[str] = ()) -> ActiveLimit:
+        """That of a limit's name, such as "joint 4 velocity"; `own`: names of own constraints."""
+        known = [] if limit in own else sorted(ADVICE, key=len, reverse=True)
+        end = next((name for name in known if limit.endswith(name)), "")
+        key, advice = ADVICE.get(end, ("", "wider bounds of it"))
         if limit.startswith("hand "):
             key = key.replace("[limits]", "[hand]")
         return cls(limit, key, advice)

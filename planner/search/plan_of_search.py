@@ -69,14 +69,15 @@ def _not_found(search: Search) -> Plan:
         Request(task.scene, problems.manipulator, task.target), task.budget
     ).size
     nearest, binding = None, tuple[ActiveLimit, ...]()
+    own = [one.name for one in task.scene.constraints]
     if search.short:
         nearest = _plan_of(search.context, task, search.short[0])
         words = f"lands at {_place(nearest.target, task.target)}, beside the target"
         nearest = replace(nearest, short_of=task.target, message=words)
-        binding = tuple(map(ActiveLimit.of, search.short[0].binding))
+        binding = tuple(ActiveLimit.of(name, own) for name in search.short[0].binding)
     elif search.broken:
         (_, most), *_ = often = search.broken.most_common()
-        binding = tuple(ActiveLimit.of(name) for name, count in often if 2 * count > most)
+        binding = tuple(ActiveLimit.of(name, own) for name, count in often if 2 * count > most)
     return Plan(
         task.scene,
         problems.manipulator,

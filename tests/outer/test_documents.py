@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.cli import main
+from throwplan.models import HandMotion
+from throwplan.models.release import MODELS, SlidingPivot
 
 from benchmarks import SECTIONS
 
@@ -134,9 +136,12 @@ def test_python_of_the_page_of_models_runs() -> None:
     assert turning < -1.0 and abs(down_x) + abs(down_z) < 1e-3
     assert np.array(found["now"]["excess"]).ravel() == pytest.approx([0.22, -7.6], abs=0.05)
     assert found["slope"](1.0) > 0.0 and found["many"]["rates"].shape == (6, 50)
-    assert float(found["bar_state"][5]) == pytest.approx(-1.0346, abs=0.005)
-    exact = found["law"].rates(np.zeros(6), found["at_rest"], 5.0)
+    body, contact = found["case"].body, found["case"].contact
+    at_rest = HandMotion(theta=0.0, omega=0.0, a_x=0.0, a_z=0.0, alpha=0.0)
+    exact = SlidingPivot(body, contact).rates(np.zeros(6), at_rest, 5.0)
     assert turning == pytest.approx(exact[5], rel=1e-3)
+    exact = MODELS["ls-step"].release(found["case"]).end
+    assert found["path"][:, -1] == pytest.approx(exact, rel=0.01, abs=1e-5)
     assert np.isfinite(found["result"].landing).all()
 
 

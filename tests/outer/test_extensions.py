@@ -174,6 +174,18 @@ def test_functions_that_are_wrong_are_named(options, words) -> None:
         planned(**options)
 
 
+def test_a_flight_begins_at_the_detach_of_the_sent_throw() -> None:
+    """In a quiet plan too, where the NLP holds the object for longer."""
+    place, time = 0.2, 0.75
+    own = [
+        tp.Constraint("time", in_flight=lambda f: f.time, low=time, high=time),
+        tp.Constraint("place", in_flight=lambda f: f.start.x, low=place, high=place),
+    ]
+    plan = tp.Planner("hand-flip", constraints=own).plan()
+    flown = plan.sent_throw().landing
+    assert (flown.flight_time, flown.start.x) == pytest.approx((time, place), abs=1e-3)
+
+
 def test_a_check_names_its_constraint_where_it_holds_a_throw_back() -> None:
     never = tp.Constraint("tall", in_flight=lambda f: f.start.x, high=9.0, check=lambda _: 10.0)
     plan = tp.Planner("hand-box", constraints=[never]).plan(patience=5.0)

@@ -234,7 +234,7 @@ def test_a_plan_to_the_top_of_an_obstacle_counts_what_stays_on_it() -> None:
 
 @pytest.mark.slow
 def test_a_region_lets_the_planner_choose_a_landing_that_stays() -> None:
-    """The bin of `examples/bin`: upright the bar topples out, leaning it stays."""
+    """The bin of `examples/02_bin`: upright the bar topples out, leaning it stays."""
     scene = over_bin(rim=0.125, radius=0.075, depth=0.12)
     scene = scene.replace(target=tp.Pose(x=1.08, z=0.225, theta=-math.pi / 2))
     upright = tp.plan(scene)

@@ -83,7 +83,7 @@ def test_the_pages_are_those_of_the_repository(site: Path) -> None:
     # Films and pictures of the front page, a notebook, the report.
     for name, picture in {
         "docs/index": "cup.gif",
-        "examples/bin": ".gif",
+        "examples/02_bin": ".gif",
         "docs/report/appendix": "models.png",
     }.items():
         page = parsed(site / VERSIONS[0] / f"{name}.html")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import casadi as ca
@@ -17,14 +17,20 @@ from ..transcription import Scope
 
 @dataclass(frozen=True)
 class Own(SceneConstraint):
-    """The constraints with which the planner was made."""
+    """The constraints with which the planner was made.
+
+    held [s]: time after detach in which the object counts as between open pads.
+    """
 
     constraints: tuple[Constraint, ...] = ()
+    held: float = 0.0
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For a planner with some."""
-        return cls({}, own) if (own := request.scene.constraints) else None
+        window, own = request.window, request.scene.constraints
+        held = window.late * window.step if window is not None and window.held else 0.0
+        return cls({}, own, held) if own else None
 
     def at_instant(self, at: Instant) -> None:
         """Those of the hand."""
@@ -33,7 +39,8 @@ class Own(SceneConstraint):
                 _add(one, at, one.at_instant)
 
     def in_flight(self, flight: Flight) -> None:
-        """Those of the flight."""
+        """Those of the flight from detach on."""
+        flight = replace(flight, start=flight.after(-self.held), time=flight.time + self.held)
         for one in self.constraints:
             if one.in_flight is not None:
                 _add(one, flight, one.in_flight)

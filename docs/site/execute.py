@@ -1,6 +1,6 @@
-"""Runs the notebooks beside it and writes each with its output: NAME.py to NAME.ipynb.
+"""Runs the notebooks of examples/ and writes each with its output: NAME.py to NAME.ipynb.
 
-    python examples/execute.py [NAME ...]
+    python docs/site/execute.py [NAME ...]
 
 A notebook is a script in Jupytext's percent format. What differs from run to run for no
 reason (times of execution, random names of cells, versions) is left out of the .ipynb.
@@ -16,17 +16,9 @@ import jupytext
 import nbclient
 import nbformat
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).parents[2] / "examples"
 #: In the order in which they are to be read.
-NOTEBOOKS = (
-    "target_cup",
-    "fifty_milliseconds",
-    "timing",
-    "bin",
-    "your_own",
-    "learning",
-    "own_planner",
-)
+NOTEBOOKS = sorted(path.stem for path in FOLDER.glob("*.py"))
 #: Longest time of one cell [s].
 LONGEST = 300
 
