@@ -3,7 +3,7 @@
 There are two errors. The own error is the distance to the converged answer of the law that a
 method approximates; more steps make it smaller. The model error is the distance to a patch of
 64 points with Coulomb friction; more steps do not make it smaller than that of the law.
-Both are scaled landing errors. Times are processor time on one core. See docs/release-models.md.
+Both are scaled landing errors. Times are processor time on one core. See docs/how-it-works.md.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def make(effort: Effort) -> ReportSection:
             "Own error: distance to the converged answer of a method's own law. Model error: "
             "distance to a patch of 64 points with Coulomb friction, which more steps do "
             "not reduce. Worst of four throws, landing 0.9 m below the hand "
-            "([what the models are](../release-models.md)).",
+            "([what the models are](../how-it-works.md#release-models)).",
             f"Converged, the limit surface is at most {apart['ls']:.2g} mm of scaled landing error "
             f"from the patch, the sliding pivot {apart['sp']:.2g} mm.",
             _cheapest(sample),

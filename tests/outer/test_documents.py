@@ -123,9 +123,8 @@ def test_the_drops_of_the_map_of_the_paper_are_the_program_s() -> None:
 
 
 def test_python_of_the_readme_runs(tmp_path, monkeypatch) -> None:
-    """As it stands there, but for the throws that are prepared: those have tests of their own."""
+    """As it stands there."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(tp.Planner, "prepare", lambda planner: 0)
     assert variables_of("README.md")["plan"].status == "solved"
     assert len(commands_of((ROOT / "README.md").read_text(encoding="utf-8"))) >= 5
 
