@@ -320,8 +320,8 @@ class Cost(Section):
     acceleration: float = quantity("1/s", least=1e-3, most=1e4, default=10.0)
     jerk: float = quantity("1/s", least=1e-3, most=1e4, default=1.0)
     quiet: float = quantity(
-        "(m/s^2)^-2, of the mean square load on the pads from 10 ms before they open, or the "
-        "earliest delay, to as long after detach; 0 leaves it out",
+        "(m/s^2)^-2, of the mean square load on the pads while they open and for the latest delay "
+        "after that, 10 ms at least; 0 leaves it out",
         least=0,
         most=1e4,
         default=10.0,
