@@ -246,6 +246,11 @@ class CaseOutcome:
         return self.judgement is not None and bool(self.judgement.broken)
 
     @property
+    def is_defect(self) -> bool:
+        """Whether the plan ended otherwise than a plan may."""
+        return not self.finite or self.status in ("traceback", *ENDINGS)
+
+    @property
     def undecided(self) -> bool:
         """Whether the oracle's own error exceeds the tolerance."""
         allowed = self.case.scene.tolerance.position

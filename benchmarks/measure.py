@@ -1,4 +1,4 @@
-"""Tools of several sections: random targets in reach, warm planners, times, Pareto sets.
+"""Tools of several sections: random targets in reach, warm planners, times.
 
 A target in reach is where a random motion throws the bar: from rest along a polynomial run-up to a
 random state, through the opening at constant acceleration, and braked to rest; sent at 1 kHz and
@@ -61,27 +61,6 @@ def least_time(run: Callable[[], T], repeats: int, budget: float, long: float) -
         run()
         seconds.append(time.process_time() - start)
     return min(seconds), found
-
-
-def pareto(*figures: Sequence[float] | Array, margins: Sequence[float] | None = None) -> list[int]:
-    """The runs that no other beats; each of `figures` has a number a run, less is better.
-
-    margins: for each figure the share by which it may differ by chance (0 if not given): a run
-    is beaten by one that is better by more than that in a figure and not worse by more than
-    that in any. Of equal runs the first stays. In the order of the first figure.
-    """
-    values = np.array(figures, float)
-    shares = [0.0] * len(values) if margins is None else margins
-    allowed = 1.0 + np.array(shares)[:, None]
-    found: list[int] = []
-    for i in np.lexsort(values[::-1]):
-        mine = values[:, i : i + 1]
-        clearly = ((values < mine) & (values * allowed <= mine)).any(axis=0)
-        beaten = clearly & (values <= mine * allowed).all(axis=0)
-        equal = any((values[:, k] == values[:, i]).all() for k in found)
-        if not beaten.any() and not equal:
-            found.append(int(i))
-    return found
 
 
 def warmed(scene: Scene, targets: Sequence[Pose], solver: SolverName = "fatrop") -> Planner:
