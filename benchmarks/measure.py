@@ -9,13 +9,10 @@ checked. The planner's own table and NLP have no part in it.
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import TypeVar
-from unittest.mock import patch
 
 import numpy as np
 from throwplan import Plan, Planner, Pose, Scene, Throw
@@ -71,14 +68,9 @@ def warmed(scene: Scene, targets: Sequence[Pose], solver: SolverName = "fatrop")
     return planner
 
 
-@contextmanager
-def without_machine_code() -> Iterator[None]:
-    """Plans solve without machine code, so that times of programs to be compared are alike.
-
-    Else those that the cache has, or that many plans solve, would take a half to a third.
-    """
-    with patch.dict(os.environ, {"THROWPLAN_COMPILE": "0"}):
-        yield
+def number(cell: object) -> float:
+    """A table cell's number, infinite if it has none."""
+    return float(cell) if isinstance(cell, float | int) else math.inf
 
 
 def planning_time(plan: Plan) -> float:

@@ -19,7 +19,7 @@ from throwplan.models import Array
 from throwplan.models.release import STEPPED_SURFACE, ReleaseCase
 from throwplan.pictures import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Row, Table, new_figure, shown
 
-from .measure import least_time, quantiles
+from .measure import least_time, number, quantiles
 from .page import Effort, Picture, Section
 from .processes import shared
 from .releases import TRUTHS, Method, case_of, methods, pose_errors, random_throws
@@ -144,8 +144,8 @@ def choice(rows: Sequence[Row]) -> list[Row]:
         sound = [row for row in ways if not row["not computed"]]
         cells: Row = {"method": method}
         for goal in GOALS:
-            able = [row for row in sound if _number(row[OWN]) <= goal]
-            best = min(able, key=lambda row: _number(row[TIME]), default=None)
+            able = [row for row in sound if number(row[OWN]) <= goal]
+            best = min(able, key=lambda row: number(row[TIME]), default=None)
             cells[f"to {goal:g} mm"] = (
                 f"{shown(best[TIME])} ms: {best['setting']}" if best else None
             )
@@ -158,11 +158,6 @@ def choice(rows: Sequence[Row]) -> list[Row]:
     return found
 
 
-def _number(cell: Any) -> float:
-    """A cell's number, infinite without one."""
-    return float(cell) if isinstance(cell, float | int) else math.inf
-
-
 def _draw(rows: Sequence[Row]) -> Figure:
     """Own error (left) and model error (right) over the time of a throw; a line a method."""
     figure = new_figure(9.0, 4.6)
@@ -170,9 +165,9 @@ def _draw(rows: Sequence[Row]) -> Figure:
         for name, (colour, marker) in STYLES.items():
             sound = [row for row in rows if row["method"] == name and not row["not computed"]]
             known = [row for row in sound if row[column] is not None]
-            places = [max(_number(row[column]), FLOOR) for row in known]
+            places = [max(number(row[column]), FLOOR) for row in known]
             style: dict[str, Any] = {"color": colour, "marker": marker, "ms": 4, "lw": 1.0}
-            axis.plot([_number(row[TIME]) for row in known], places, label=name, **style)
+            axis.plot([number(row[TIME]) for row in known], places, label=name, **style)
         axis.set(
             xscale="log", yscale="log", xlabel="time of a throw [ms]", ylabel=f"{column}, worst"
         )

@@ -19,7 +19,7 @@ from throwplan import (
 )
 from throwplan.pictures import Row, Table
 
-from .measure import planning_time, without_machine_code
+from .measure import planning_time
 from .page import Effort, Section
 
 #: Bounds of the landing that are never active: they add constraints and change no throw.
@@ -34,7 +34,6 @@ HAND = 5
 ARM = 6
 
 
-@without_machine_code()
 def measured(scene: Scene, repeats: int) -> Row:
     """Size of a scene's NLP and least times of a plan, with the solves that lead to it.
 
@@ -72,7 +71,7 @@ def make(effort: Effort) -> Section:
         "`hand-box` is a free hand that holds the bar at its centre of mass and throws it to a "
         "position. Each row adds one section or key to the row before; bounds are so wide that "
         "they never decide. Size of the NLP, least times of repeated plans with all solves that "
-        "lead to them, without machine code, library and price of the load on the pads.",
+        "lead to them, without library and price of the load on the pads.",
         [Table("parts", "One part more at a time", rows)],
     )
 

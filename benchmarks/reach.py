@@ -78,8 +78,8 @@ def _row(plans: Sequence[Plan]) -> Row:
         "targets": len(plans),
         "solved": len(solved),
         "wrong": sum(bool(judge(plan).broken) for plan in plans if plan.solved),
-        "worst error [mm]": 1e3 * float(x),
-        "[°]": math.degrees(float(theta)),
+        "worst error [mm]": round(1e3 * float(x), 3),
+        "[°]": round(math.degrees(float(theta)), 3),
         "plan, median [ms]": 1e3 * median,
         "99 % [ms]": 1e3 * slow,
     }

@@ -153,7 +153,7 @@ def methods(quick: bool) -> Iterator[Method]:
         yield Method("ls, Karnopp, Euler", f"{n} steps", "ls", KarnoppRelease(n).release)
     for d, rtol in SMOOTHED[: 1 if quick else None]:
         for integrator in ("LSODA", "Radau"):
-            model = ImplicitRelease(d, integrator, rtol, rtol / 100, samples=2, budget=100_000)
+            model = ImplicitRelease(d, integrator, rtol, rtol / 100, samples=2, budget=50_000)
             words = f"d {d:g} m/s, rtol {rtol:g}"
             yield Method(f"ils, {integrator}", words, "ls", model.release)
     for n in some(20, 50, 100, 200, 500, 1000, 2000, 5000):

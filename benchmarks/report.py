@@ -35,6 +35,8 @@ SECTIONS: dict[str, Callable[[Effort], Section]] = {
 PAGE = "performance.md"
 #: Libraries whose versions the page names.
 LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig", "mujoco")
+#: Environment of all sections: machine code would come in the middle of some.
+SETTINGS = {"THROWPLAN_COMPILE": "0"}
 ROOT = Path(__file__).parent.parent
 HEAD = """# Performance
 
@@ -44,9 +46,9 @@ For engineers who want to know how long a plan takes, how near it lands, and whe
 pads and gripper taken as known; MuJoCo, too, has rigid bodies and Coulomb friction. On real throws
 the published error of the sliding pivot is 2.4 cm and 15° (Liu and Billard).
 
-A *pose error* is the position error plus the angle error times half the object's length. The
-planner's *exact model* is the limit surface. Times are of this machine: compare them within one
-table. All random draws have fixed seeds."""
+A *pose error* is the position error plus the angle error times half the object's length. Times
+are of this machine, without machine code (`THROWPLAN_COMPILE=0`) and with nothing cached before:
+compare them within one table. All random draws have fixed seeds."""
 
 Show = Callable[[str], Callable[[int, int], None]]
 
@@ -70,7 +72,10 @@ def make_report(
         if only and key not in only:
             continue
         start = time.perf_counter()
-        with TemporaryDirectory() as cache, patch.dict(os.environ, {"THROWPLAN_CACHE": cache}):
+        with (
+            TemporaryDirectory() as cache,
+            patch.dict(os.environ, SETTINGS | {"THROWPLAN_CACHE": cache}),
+        ):
             section = make(Effort(quick, None if show is None else show(key)))
         seconds[key] = time.perf_counter() - start
         if (now := commit_of_checkout()).split()[0] != commit.split()[0]:

@@ -22,7 +22,7 @@ from throwplan import (
 )
 from throwplan.pictures import Row, Table
 
-from .measure import reachable_targets
+from .measure import number, reachable_targets
 from .page import Effort, Section
 from .processes import shared
 
@@ -169,7 +169,7 @@ def _row(kind: str, found: Sequence[Row]) -> Row:
     """All scenes of one kind."""
 
     def cells(name: str) -> list[float]:
-        return [float(row[name] or 0.0) for row in found] or [math.nan]
+        return [number(row[name]) for row in found] or [math.nan]
 
     return {
         "uncertain": kind,

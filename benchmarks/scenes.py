@@ -33,9 +33,8 @@ def make(effort: Effort) -> Section:
     return Section(
         "Built-in scenes",
         "`throwplan plan SCENE --solver SOLVER` in a fresh process. The error is that of the "
-        "motion that is sent, by the exact model; *sliding pivot* is the position error by the other "
-        "release model. *Whole* is the time of the process, with imports. Nothing is cached "
-        "or prepared.",
+        "motion that is sent, by the limit surface, which decides; *sliding pivot* is the position "
+        "error by that release model. *Whole* is the time of the process, with imports.",
         [Table("scenes", "Built-in scenes", rows)],
     )
 

@@ -17,7 +17,7 @@ from throwplan.pictures import Row, Table
 from throwplan.planner.planner import SolverName
 from throwplan.planner.search import SETTINGS
 
-from .measure import quantiles, reachable_targets, warmed, without_machine_code
+from .measure import quantiles, reachable_targets, warmed
 from .page import Effort, Section
 from .processes import shared
 from .reach import over_map
@@ -70,8 +70,7 @@ def make(effort: Effort) -> Section:
         "beside them, without a library and without a price of the load; processor time. Mesh "
         f"(`[nlp]`; usual: carry {usual.carry}, opening {usual.opening}, grading "
         f"{usual.grading:g}, epsilon {usual.epsilon:g}) and solver: random targets of "
-        f"{', '.join(meshed)}, medians of the ratios to the usual plan to the same target, without "
-        "machine code. *Error*: how far the exact throw of the NLP's motion lands from where the "
+        f"{', '.join(meshed)}, medians of the ratios to the usual plan to the same target. *Error*: how far the exact release of the NLP's motion lands from where the "
         "NLP believes, before it is corrected.",
         [
             Table("search", f"Search (usual: {_settings()})", rows),
@@ -139,7 +138,6 @@ def _summary(name: str, rows: list[Outcome]) -> Row:
     }
 
 
-@without_machine_code()
 def _mesh_rows(names: Sequence[str], count: int, others: dict[str, tuple[float, ...]]) -> list[Row]:
     """A row for each variant of mesh and solver, over the targets of all scenes."""
     variants: list[tuple[str, dict[str, float], SolverName]] = [
@@ -171,8 +169,8 @@ def _mesh_rows(names: Sequence[str], count: int, others: dict[str, tuple[float, 
                 "times usual": time,
                 "error [mm]": float(np.nanmedian(now[1])),
                 "times usual ": error,
-                "cost, % above usual": 100 * (effort - 1),
-                "final error, worst [mm]": float(np.nanmax(now[3])),
+                "cost, % above usual": round(100 * (effort - 1), 2),
+                "final error, worst [mm]": round(float(np.nanmax(now[3])), 3),
             }
         )
     return rows

@@ -10,7 +10,7 @@ from throwplan.lab import replay
 from throwplan.pictures import Row, Table
 from throwplan.planner.uncertainty import Entries, count_rests
 
-from .measure import quantiles
+from .measure import number, quantiles
 from .page import Effort, Section
 
 #: Seed of the bins.
@@ -29,8 +29,8 @@ def make(effort: Effort) -> Section:
     for name in chosen:
         rows.append(_landing(name))
         step()
-    for number in range(count):
-        bins += _bin_rows(number)
+    for index in range(count):
+        bins += _bin_rows(index)
         step()
     return Section(
         "What MuJoCo says",
@@ -84,15 +84,15 @@ def bin_scene(number: int) -> Scene:
     )
 
 
-def _bin_rows(number: int) -> list[Row]:
+def _bin_rows(index: int) -> list[Row]:
     """The plain plan and that with `[rest]` of one bin; none where no plan reaches it."""
-    scene = bin_scene(number)
+    scene = bin_scene(index)
     plain = Planner(scene.replace(rest=None), library=False).plan()
     if not plain.solved:
         return []
     plan, rows = Planner(scene, library=False).plan(), list[Row]()
     for words, one in (("without `[rest]`", plain), ("with `[rest]`", plan)):
-        row: Row = {"bin": number, "plan": words, "status": one.status}
+        row: Row = {"bin": index, "plan": words, "status": one.status}
         if one.throw is not None and one.solved:
             row |= _rests(one, scene.rest)
         rows.append(row | {"plan [s]": one.time["total"]})
@@ -120,8 +120,8 @@ def _bin_summary(rows: list[Row]) -> list[Row]:
         some = [row for row in rows if row["plan"] == words and row["bin"] not in failed]
         cells: Row = {"plan": words, "bins": len(some)}
         for column in ("stay", "stay in MuJoCo"):
-            values = [float(row[column] or 0) for row in some]
+            values = [number(row[column]) for row in some]
             cells[f"{column} [%]"] = float(np.mean(values or math.nan)) * 100 / THROWS
-        cells["plan, median [s]"] = quantiles([float(r["plan [s]"] or 0) for r in some], 50)[0]
+        cells["plan, median [s]"] = quantiles([number(r["plan [s]"]) for r in some], 50)[0]
         found.append(cells)
     return found
