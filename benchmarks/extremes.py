@@ -34,8 +34,6 @@ PATIENCE = 120.0
 LONGEST = 2.5
 #: Least x [m] of an arm's targets, ahead of its base, except in the case "behind".
 AHEAD = 0.5
-#: Share of cases with a Panda in a quick run.
-QUICK_ARMS = 0.1
 
 
 @dataclass(frozen=True)
@@ -175,19 +173,6 @@ def cases() -> list[Case]:
         rng = np.random.default_rng([SEED, number])
         found += [_mixture(name, base, rng, i) for i in range(mixtures)]
     return found
-
-
-def some(count: int) -> list[Case]:
-    """`count` of the cases, spread evenly over those of hands and over those of arms."""
-    everything, chosen = cases(), []
-    arms = round(QUICK_ARMS * count)
-    for robot, number in ((False, count - arms), (True, arms)):
-        # Without mixtures of arms: some take ten seconds.
-        kind = [case for case in everything if (case.scene.robot is not None) == robot]
-        kind = [case for case in kind if not robot or case.lever != "mixture"]
-        places = np.linspace(0, len(kind) - 1, number).round().astype(int)
-        chosen += [kind[int(i)] for i in np.unique(places)]
-    return chosen
 
 
 def _levers(name: str, base: Scene) -> Iterator[Case]:

@@ -70,8 +70,9 @@ def make(effort: Effort) -> Section:
         "beside them, without a library and without a price of the load; processor time. Mesh "
         f"(`[nlp]`; usual: carry {usual.carry}, opening {usual.opening}, grading "
         f"{usual.grading:g}, epsilon {usual.epsilon:g}) and solver: random targets of "
-        f"{', '.join(meshed)}, medians of the ratios to the usual plan to the same target. *Error*: how far the exact release of the NLP's motion lands from where the "
-        "NLP believes, before it is corrected.",
+        f"{', '.join(meshed)}, medians of ratios to the usual plan to the same target. *Error*: "
+        "how far the exact release of the NLP's motion lands from where the NLP believes, before "
+        "it is corrected.",
         [
             Table("search", f"Search (usual: {_settings()})", rows),
             Table("mesh", "Mesh and solver", meshes),
