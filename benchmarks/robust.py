@@ -63,7 +63,7 @@ def make(effort: Effort) -> Section:
         "(*plain*: `[cost] quiet = 0`), in random scenes of six arms and a free hand whose plain "
         f"plan has a 95 % pose error above {1e3 * HARD:g} mm. Each is thrown {SAMPLES:,} times "
         "by samples that planning did not use. *Worse*: robust plans that succeed significantly "
-        "less often. Processor time, with building.",
+        "less often, or as often with a larger error. Processor time, with building.",
         [Table("robust", "Robust against plain plans", some)],
         [Table("robust-scenes", "every scene", rows)],
     )

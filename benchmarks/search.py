@@ -26,7 +26,7 @@ from .reach import over_map
 SEED = 11
 #: Scenes of the search, and targets of each over its map and beside it: quick, full.
 SCENES = ("hand-flip",), ("pose", "cup", "fr3", "flip")
-ON_MAP, BESIDE = (4, 20), (1, 4)
+ON_MAP, BESIDE = (4, 14), (1, 3)
 #: Pose errors [m] from the map of targets beside it.
 AWAY = (0.03, 0.3)
 #: Number of sampled states of a map: quick, full.
@@ -37,7 +37,7 @@ SEARCHES: tuple[dict[str, tuple[Any, ...]], ...] = (
     {"prices": ((100.0,), (100.0, 1000.0, 10_000.0)), "close": (0.0, 0.1), "vain": (2, 8)},
 )
 #: Scenes of the mesh, and targets of each: quick, full.
-MESH_SCENES, MESH_TARGETS = (("hand-flip",), ("cup", "hand-flip")), (2, 10)
+MESH_SCENES, MESH_TARGETS = (("hand-flip",), ("cup", "hand-flip")), (2, 6)
 #: Other values of the settings of the NLP, one at a time: quick, full.
 MESHES: tuple[dict[str, tuple[float, ...]], ...] = (
     {"opening": (12,)},
