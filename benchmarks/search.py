@@ -11,8 +11,7 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from throwplan import Cost, Plan, Planner, Pose, Scene, load_scene, reach_map
-from throwplan.models import Array
+from throwplan import Cost, Plan, Planner, Pose, load_scene, reach_map
 from throwplan.pictures import Row, Table
 from throwplan.planner.planner import SolverName
 from throwplan.planner.search import SETTINGS
@@ -151,21 +150,29 @@ def _mesh_rows(names: Sequence[str], count: int, others: dict[str, tuple[float, 
         name: list(itertools.islice(reachable_targets(load_scene(name), SEED), count))
         for name in names
     }
-    figures, rows, usual = dict[str, Array](), list[Row](), np.empty(0)
-    for words, mesh, solver in variants:
-        plans = [
-            plan
-            for name, some in targets.items()
-            for plan in _mesh_plans(load_scene(name), some, mesh, solver)
-        ]
-        figures[words] = now = np.array([_figures(plan) for plan in plans]).T
-        usual = figures["usual"]
+    plans: dict[str, list[Plan]] = {words: [] for words, _, _ in variants}
+    for name, some in targets.items():
+        scene, planners = load_scene(name), list[Planner]()
+        for _, mesh, solver in variants:
+            nlp = dataclasses.replace(scene.nlp, **mesh)  # type: ignore[arg-type]
+            planners.append(warmed(scene.replace(nlp=nlp), some[:1], solver))
+        # All variants for one target, then for the next: a machine changes its speed.
+        for target in some:
+            for planner, (words, _, solver) in zip(planners, variants, strict=True):
+                plans[words].append(planner.plan(target, solver=solver))
+    figures = {
+        words: np.array([_figures(plan) for plan in some]).T for words, some in plans.items()
+    }
+    rows = list[Row]()
+    for words, now in figures.items():
         # NaN of a plan that is not solved counts nowhere.
-        time, error, effort = (float(np.nanmedian(ratio)) for ratio in now[:3] / usual[:3])
+        time, error, effort = (
+            float(np.nanmedian(ratio)) for ratio in now[:3] / figures["usual"][:3]
+        )
         rows.append(
             {
                 "mesh": words,
-                "solved": f"{sum(plan.solved for plan in plans)} of {len(plans)}",
+                "solved": f"{sum(plan.solved for plan in plans[words])} of {len(plans[words])}",
                 "solve [ms]": float(np.nanmedian(now[0])),
                 "times usual": time,
                 "error [mm]": float(np.nanmedian(now[1])),
@@ -175,15 +182,6 @@ def _mesh_rows(names: Sequence[str], count: int, others: dict[str, tuple[float, 
             }
         )
     return rows
-
-
-def _mesh_plans(
-    scene: Scene, targets: Sequence[Pose], mesh: dict[str, Any], solver: SolverName
-) -> list[Plan]:
-    """Plans to all targets by a mesh."""
-    changed = scene.replace(nlp=dataclasses.replace(scene.nlp, **mesh))
-    planner = warmed(changed, targets[:1], solver)
-    return [planner.plan(target, solver=solver) for target in targets]
 
 
 def _figures(plan: Plan) -> tuple[float, float, float, float]:
