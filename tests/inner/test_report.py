@@ -116,6 +116,5 @@ def work(kind: str) -> str:
 
 @pytest.mark.slow
 def test_work_that_hangs_or_dies_is_told_and_the_rest_goes_on() -> None:
-    jobs = [("a",), ("sleep",), ("b",), ("die",), ("c",)]
-    found = list(processes.in_processes(work, jobs, patience=20.0))
-    assert found == ["a", "hang", "b", "crash", "c"]
+    jobs = [(word,) for word in ("a", "sleep", "b", "die", "c")]
+    assert list(processes.in_processes(work, jobs, patience=20.0)) == ["a", "hang", "b", "crash", "c"]
