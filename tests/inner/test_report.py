@@ -22,7 +22,6 @@ from benchmarks import PAGE, SECTIONS, extremes, make_report, processes, release
 from benchmarks.__main__ import main
 from benchmarks.judge import judge
 
-#: The page that is kept.
 KEPT = Path(__file__).parents[2] / "docs" / PAGE
 
 
@@ -117,4 +116,5 @@ def work(kind: str) -> str:
 @pytest.mark.slow
 def test_work_that_hangs_or_dies_is_told_and_the_rest_goes_on() -> None:
     jobs = [(word,) for word in ("a", "sleep", "b", "die", "c")]
-    assert list(processes.in_processes(work, jobs, patience=20.0)) == ["a", "hang", "b", "crash", "c"]
+    found = list(processes.in_processes(work, jobs, patience=20.0))
+    assert found == ["a", "hang", "b", "crash", "c"]
