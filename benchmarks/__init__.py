@@ -1,11 +1,9 @@
-"""Benchmarks of throwplan: error against run time, stability, reach and robustness.
+"""Benchmarks of throwplan: `python -m benchmarks`, in the project's root, writes the page of tables
+docs/performance.md.
 
-Not part of the package, which is used here as anyone uses it: by its public names and, where
-there is none for what is measured, by the faces of its packages. `python -m benchmarks`, in the
-project's root, writes docs/report. A section is a module with `make(effort)`, which gives figures,
-tables and pictures.
+Not part of the package, which is used here by its public names and, where there is none for what
+is measured, by the faces of its packages. A section is a module with `make(effort)`, which returns
+a `Section`.
 """
 
-from .page import Effort, Picture, ReportSection
-from .run import FROZEN, SECTIONS, make_report
-from .summary import PAGE
+from .report import PAGE, SECTIONS, make_report

@@ -34,8 +34,6 @@ PATIENCE = 120.0
 LONGEST = 2.5
 #: Least x [m] of an arm's targets, ahead of its base, except in the case "behind".
 AHEAD = 0.5
-#: Share of cases with a Panda in a quick run.
-QUICK_ARMS = 0.1
 
 
 @dataclass(frozen=True)
@@ -177,19 +175,6 @@ def cases() -> list[Case]:
     return found
 
 
-def some(count: int) -> list[Case]:
-    """`count` of the cases, spread evenly over those of hands and over those of arms."""
-    everything, chosen = cases(), []
-    arms = round(QUICK_ARMS * count)
-    for robot, number in ((False, count - arms), (True, arms)):
-        # Without mixtures of arms: some take ten seconds.
-        kind = [case for case in everything if (case.scene.robot is not None) == robot]
-        kind = [case for case in kind if not robot or case.lever != "mixture"]
-        places = np.linspace(0, len(kind) - 1, number).round().astype(int)
-        chosen += [kind[int(i)] for i in np.unique(places)]
-    return chosen
-
-
 def _levers(name: str, base: Scene) -> Iterator[Case]:
     """One extreme quantity at a time: several values for a hand, one for an arm."""
     # With a cup the target stays: the bar fits into it at one angle only.
@@ -244,6 +229,11 @@ class CaseOutcome:
     def false(self) -> bool:
         """Whether the oracle judges a solved plan wrong."""
         return self.judgement is not None and bool(self.judgement.broken)
+
+    @property
+    def is_defect(self) -> bool:
+        """Whether the plan ended otherwise than a plan may."""
+        return not self.finite or self.status in ("traceback", *ENDINGS)
 
     @property
     def undecided(self) -> bool:

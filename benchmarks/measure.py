@@ -1,4 +1,4 @@
-"""Tools of several sections: random targets in reach, warm planners, times, Pareto sets.
+"""Tools of several sections: random targets in reach, warm planners, times.
 
 A target in reach is where a random motion throws the bar: from rest along a polynomial run-up to a
 random state, through the opening at constant acceleration, and braked to rest; sent at 1 kHz and
@@ -9,13 +9,10 @@ checked. The planner's own table and NLP have no part in it.
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import TypeVar
-from unittest.mock import patch
 
 import numpy as np
 from throwplan import Plan, Planner, Pose, Scene, Throw
@@ -63,27 +60,6 @@ def least_time(run: Callable[[], T], repeats: int, budget: float, long: float) -
     return min(seconds), found
 
 
-def pareto(*figures: Sequence[float] | Array, margins: Sequence[float] | None = None) -> list[int]:
-    """The runs that no other beats; each of `figures` has a number a run, less is better.
-
-    margins: for each figure the share by which it may differ by chance (0 if not given): a run
-    is beaten by one that is better by more than that in a figure and not worse by more than
-    that in any. Of equal runs the first stays. In the order of the first figure.
-    """
-    values = np.array(figures, float)
-    shares = [0.0] * len(values) if margins is None else margins
-    allowed = 1.0 + np.array(shares)[:, None]
-    found: list[int] = []
-    for i in np.lexsort(values[::-1]):
-        mine = values[:, i : i + 1]
-        clearly = ((values < mine) & (values * allowed <= mine)).any(axis=0)
-        beaten = clearly & (values <= mine * allowed).all(axis=0)
-        equal = any((values[:, k] == values[:, i]).all() for k in found)
-        if not beaten.any() and not equal:
-            found.append(int(i))
-    return found
-
-
 def warmed(scene: Scene, targets: Sequence[Pose], solver: SolverName = "fatrop") -> Planner:
     """A planner with its NLPs built by plans to `targets`, so that later times exclude that."""
     planner = Planner(scene, library=False)
@@ -92,14 +68,9 @@ def warmed(scene: Scene, targets: Sequence[Pose], solver: SolverName = "fatrop")
     return planner
 
 
-@contextmanager
-def without_machine_code() -> Iterator[None]:
-    """Plans solve without machine code, so that times of programs to be compared are alike.
-
-    Else those that the cache has, or that many plans solve, would take a half to a third.
-    """
-    with patch.dict(os.environ, {"THROWPLAN_COMPILE": "0"}):
-        yield
+def number(cell: object) -> float:
+    """A table cell's number, infinite if it has none."""
+    return float(cell) if isinstance(cell, float | int) else math.inf
 
 
 def planning_time(plan: Plan) -> float:

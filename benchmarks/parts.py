@@ -3,13 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-import pickle
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from throwplan import (
     Cost,
@@ -22,15 +16,11 @@ from throwplan import (
     Uncertainty,
     Workspace,
     load_scene,
-    scene_names,
 )
-from throwplan.pictures import BLUE, GREEN, Row, Table
+from throwplan.pictures import Row, Table
 
-from .measure import planning_time, without_machine_code
-from .page import Effort, Picture, ReportSection, number, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .measure import planning_time
+from .page import Effort, Section
 
 #: Bounds of the landing that are never active: they add constraints and change no throw.
 WIDE_LANDING = Landing(speed_min=0.01, speed_max=100.0, rate_max=1e3)
@@ -38,28 +28,12 @@ WIDE_LANDING = Landing(speed_min=0.01, speed_max=100.0, rate_max=1e3)
 WIDE_WORKSPACE = Workspace(floor=-10.0, column_radius=0.01, column_height=0.01)
 #: Openings up to 10 ms early or late.
 DELAY = Uncertainty(delay=Distribution(uniform=0.010))
-#: Name of the column with the time of a plan's solves.
-SOLVE = "solve [ms]"
 #: Number of the ladder's row with all parts of a free hand.
 HAND = 5
 #: Number of the ladder's row with a Panda instead of the hand.
 ARM = 6
-#: Names of modules that take long to import.
-HEAVY = ("numpy", "casadi", "scipy", "ruckig", "matplotlib", "PIL", "distributed")
-#: Time limit [s] of a process that plans once.
-PATIENCE = 300.0
-#: Program that plans the scene on its stdin and prints the modules that it imported.
-PLAN_ONCE = """
-import pickle, sys
-before = set(sys.modules)
-import throwplan as tp
-plan = tp.Planner(pickle.load(sys.stdin.buffer), library=False).plan()
-import json
-print(json.dumps([plan.status, sorted(set(sys.modules) - before)]))
-"""
 
 
-@without_machine_code()
 def measured(scene: Scene, repeats: int) -> Row:
     """Size of a scene's NLP and least times of a plan, with the solves that lead to it.
 
@@ -75,76 +49,31 @@ def measured(scene: Scene, repeats: int) -> Row:
         "constraints": full.constraints,
         "iterations": full.iterations,
         "build [ms]": 1e3 * first.time["build"],
-        SOLVE: 1e3 * min(plan.time["solve"] for plan in plans),
+        "solve [ms]": 1e3 * min(plan.time["solve"] for plan in plans),
         "plan [ms]": 1e3 * min(map(planning_time, plans)),
         "status": full.status if full.solved else f"{full.status}: {full.message}",
     }
 
 
-def make(effort: Effort) -> ReportSection:
-    """The ladder from a bare throw to one with all parts; all scenes with their imports."""
-    names = [name for name in scene_names() if load_scene(name).motion is None]
-    chosen = ["hand-box", "cup"] if effort.quick else names
+def make(effort: Effort) -> Section:
+    """The ladder from a bare throw to one with all parts."""
     rungs = list(ladder(load_scene("hand-box").replace(cost=Cost(quiet=0.0))))
     if effort.quick:
         rungs = [rungs[i] for i in (0, HAND, ARM)]
-    step, climbed = effort.counter(len(rungs) + len(chosen)), list[Row]()
+    step, rows = effort.counter(len(rungs)), list[Row]()
     for words, scene in rungs:
         # Fewer robust plans, as they take longer.
-        cost = measured(scene, effort.of(2, 3 if scene.robust else 5))
-        first = climbed[0] if climbed else cost
-        ratio: Row = {"solve, times the first": _time(cost) / _time(first)}
-        climbed.append({"hand-box": words} | cost | ratio)
+        row: Row = {"`hand-box`": words}
+        rows.append(row | measured(scene, effort.of(1, 2 if scene.robust else 5)))
         step()
-    every = list[Row]()
-    for name in chosen:
-        scene = load_scene(name)
-        every.append({"scene": name} | measured(scene, effort.of(2, 5)) | imports_of(scene))
-        step()
-    solves = [_time(row) for row in climbed]
-    bare, hand, arm = (solves[i] for i in ((0, 1, 2) if effort.quick else (0, HAND, ARM)))
-    imports = {str(row["large ones"]): row["modules"] for row in every}
-    modules = "; ".join(f"{count} modules ({large})" for large, count in imports.items())
-    table = Table("parts-ladder", "One part more at a time", climbed)
-    caption = "Every scene, and what a fresh process imports to plan it"
-    words = "Variables and solving time, one part more at a time"
-    return ReportSection(
-        "parts",
+    return Section(
         "What a scene leaves out",
-        [
-            "`hand-box` is a free hand that holds the bar at its centre of mass and throws it to a "
-            "position. The same throw carries one part more in each line; bounds are so wide that "
-            "they never decide. All are solved without machine code.",
-            f"With a Panda for the free hand it takes {arm / hand:.2g} times as long to solve "
-            f"({arm:.0f} and {hand:.0f} ms). The last line takes {solves[-1] / bare:.0f} times "
-            f"as long as the bare throw ({bare:.1f} ms), with the solves that lead to it.",
-            f"A fresh process that plans imports {modules}.",
-        ],
-        [table, Table("parts-scenes", caption, every)],
-        [Picture("parts", words, _draw_ladder(table))],
+        "`hand-box` is a free hand that holds the bar at its centre of mass and throws it to a "
+        "position. Each row adds one section or key to the row before; bounds are so wide that "
+        "they never decide. Size of the NLP, least times of repeated plans with all solves that "
+        "lead to them, without library and price of the load on the pads.",
+        [Table("parts", "One part more at a time", rows)],
     )
-
-
-def _time(row: Row) -> float:
-    solve = row[SOLVE]
-    assert isinstance(solve, float)
-    return solve
-
-
-def imports_of(scene: Scene) -> Row:
-    """Modules that a fresh process imports to plan a scene, large ones among them, its time [s]."""
-    start = time.perf_counter()
-    done = subprocess.run(
-        [sys.executable, "-c", PLAN_ONCE],
-        input=pickle.dumps(scene),
-        capture_output=True,
-        check=True,
-        timeout=PATIENCE,
-    )
-    seconds = time.perf_counter() - start
-    _, modules = json.loads(done.stdout)
-    large = ", ".join(name for name in HEAVY if name in modules)
-    return {"modules": len(modules), "large ones": large, "fresh process [s]": seconds}
 
 
 def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:
@@ -181,16 +110,3 @@ def at_own_angle(scene: Scene) -> Scene:
     assert plan.throw is not None
     theta = plan.throw.deciding.landing.theta
     return scene.replace(target=dataclasses.replace(scene.aim, theta=theta))
-
-
-def _draw_ladder(rows: Table) -> Figure:
-    """Variables and solving time of a throw over the number of the scene's parts."""
-    figure, ((left, right),) = panels(10.0, 4.0, 1, 2, sharey=True)
-    names = [str(name) for name in rows.column("hand-box")]
-    for axis, column, colour in ((left, "variables", BLUE), (right, "solve [ms]", GREEN)):
-        values = [number(cell) for cell in rows.column(column)]
-        bars = axis.barh(names, values, color=colour)
-        axis.bar_label(bars, [f"{value:.3g}" for value in values], padding=3, fontsize=8)
-        axis.set(xlabel=column, xscale="log", xlim=(min(values) / 2, 3 * max(values)))
-    left.invert_yaxis()
-    return figure

@@ -20,14 +20,13 @@ ENDS = {1: ("",), 2: ("", " std"), 3: ("", " low", " high")}
 class Table:
     """Rows of named cells.
 
-    name: stem of the CSV file; caption: contents of the table; short: shown on a
-    page with many tables; digits: significant digits of a float.
+    name: stem of the CSV file; caption: contents of the table; digits:
+    significant digits of a float.
     """
 
     name: str
     caption: str
     rows: Sequence[Row]
-    short: bool = False
     digits: int = 3
 
     @property

@@ -84,7 +84,7 @@ def test_the_pages_are_those_of_the_repository(site: Path) -> None:
     for name, picture in {
         "docs/index": "cup.gif",
         "examples/02_bin": ".gif",
-        "docs/report/appendix": "models.png",
+        "docs/performance": "models.png",
     }.items():
         page = parsed(site / VERSIONS[0] / f"{name}.html")
         assert page.select(f'img[src$="{picture}"]'), name

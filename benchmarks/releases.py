@@ -8,9 +8,8 @@ patch as differential equations whose friction is rounded over `CREEP`, by Radau
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -46,6 +45,8 @@ HEIGHT = -0.9
 GRAVITY = 9.81
 #: LuGre stiffnesses sigma_0 [1/m], hardest first.
 STIFFNESSES = (1e7, 1e6, 1e5)
+#: Speeds d [m/s] of smoothed friction, and relative tolerances of its integrators.
+SMOOTHED = ((1e-2, 1e-3), (1e-2, 1e-6), (1e-3, 1e-6), (1e-4, 1e-6))
 #: Speed [m/s] that regularises friction in converged answers: it moves landings by < 0.001 mm.
 CREEP = 1e-10
 #: Largest use of the ellipsoid by a random throw's load at full grip; the patch's own limit surface
@@ -53,44 +54,8 @@ CREEP = 1e-10
 GRIP_USE = 0.9
 #: Number of random throws drawn for each that is kept.
 SPARE = 20
-#: Length [m] of the object, for the scaled errors of random throws.
+#: Length [m] of the object, for pose errors.
 LENGTH = 0.26
-
-
-@dataclass(frozen=True)
-class SampleThrow:
-    """One of the report's releases. length [m] of the object, for the scaled error."""
-
-    title: str
-    case: ReleaseCase
-    length: float
-
-
-def four_throws() -> list[SampleThrow]:
-    """Drop, decelerating and accelerating throw, slow opening; the full grip holds all."""
-    bar, long_bar = Body(0.24, 535e-6, 0.10), Body(0.24, 802e-6, 0.16)
-    pads = PinchContact(1.0, 0.0025, 0.6, 2)
-
-    def case(
-        body: Body, contact: PinchContact, force: float, opening: float, *hand: Sequence[float]
-    ) -> ReleaseCase:
-        grip = LinearGrip(force, 0.0, opening)
-        return ReleaseCase(body, contact, grip, Trajectory.accelerating(*hand))
-
-    still = (0.0, 0.0, 0.0)
-    drop = case(
-        Body(0.2, 5e-4, 0.1), PinchContact(0.8, 0.0075, 0.6, 2), 50, 0.05, still, still, still
-    )
-    start, twist = (0.0, 0.0, 0.6), (1.6, 1.2, 4.2)
-    slower = case(bar, pads, 50, 0.05, start, twist, (-6.0, -8.0, -15.0))
-    faster = case(bar, pads, 100, 0.05, start, twist, (4.0, 3.0, 8.0))
-    slow = case(long_bar, pads, 100, 0.2, (0.0, 0.0, 1.0), (1.4, 1.6, 3.0), (-4.0, -6.0, -10.0))
-    return [
-        SampleThrow("drop from a still hand", drop, 0.20),
-        SampleThrow("decelerating throw", slower, 0.26),
-        SampleThrow("accelerating throw", faster, 0.26),
-        SampleThrow("slow opening, 200 ms", slow, 0.26),
-    ]
 
 
 def random_throws(count: int, seed: int) -> dict[str, Any]:
@@ -146,90 +111,63 @@ def case_of(throws: Mapping[str, Any], i: int, contact: PinchContact) -> Release
     )
 
 
-def scaled_errors(found: Array, truth: Array, length: float) -> Array:
-    """Scaled landing errors (N,) [m] of detach states (N, 6), (39): |dx| + |dtheta| l / 2."""
+def pose_errors(found: Array, truth: Array) -> Array:
+    """Pose errors (N,) [m] of the landings of detach states (N, 6), (39): |dx| + |dtheta| l / 2."""
     a, b = (FlightLaw(GRAVITY).land(detach, HEIGHT) for detach in (found, truth))
     x, theta = np.abs((a - b)[:, :2]).T
-    return np.asarray(x + theta * length / 2)
-
-
-def off(throw: SampleThrow, found: Array, truth: Array) -> float:
-    """Scaled landing error [m] of one detach state (6,)."""
-    return float(scaled_errors(found[None], truth[None], throw.length)[0])
+    return np.asarray(x + theta * LENGTH / 2)
 
 
 @dataclass(frozen=True)
 class Method:
     """One way to compute a release.
 
-    family: its line in a picture; setting: in words; law: which converged answer it approaches
-    ('sp', 'ls', 'patch', or that of bristles, by `bristles`).
+    family: its line in the picture; setting: in words; law: which converged answer it approaches
+    ('sp', 'ls', 'patch' or none); run: of one throw, or of all at once by the model `batch`.
     """
 
     family: str
     setting: str
     law: str
-    run: Run
+    run: Run | None = None
+    batch: str = ""
+    steps: int = 0
 
 
 def methods(quick: bool) -> Iterator[Method]:
     """All ways to compute a release."""
 
     def some(*steps: int) -> tuple[int, ...]:
-        return steps[::2] if quick else steps
+        return steps[1::3] if quick else steps
 
-    for n in some(10, 20, 40, 80, 160, 320, 640, 1280, 2560):
+    for n in some(40, 80, 160, 320, 640, 1280, 2560):
         run = PlainPivot(steps=n, integrator="euler").release
         yield Method("sp, Euler", f"{n} steps", "sp", run)
-    for n in some(5, 10, 20, 40, 80, 160, 320, 640, 1280):
+    for n in some(10, 20, 40, 80, 160, 320, 640, 1280):
         yield Method("sp, RK4", f"{n} steps", "sp", PlainPivot(steps=n).release)
     for n in some(2, 4, 8, 16, 32, 64):
         run = SlidingPivotRelease(steps=n).release
-        yield Method("sp, RK4, events located", f"{n} steps", "sp", run)
-    yield from _surfaces(quick)
-    for n in some(10, 20, 50, 100, 200, 500, 1000, 2000, 5000):
-        yield Method(STEPPED_SURFACE, f"{n} steps", "ls", SteppedRelease(steps=n).release)
-    for n in some(5, 10, 20, 40, 80, 160, 320, 640):
-        words, run = f"{n} and {2 * n} steps", partial(extrapolated, SteppedRelease(), n)
-        yield Method("ls-step, extrapolated", words, "ls", run)
-    for n in some(25, 50, 100, 200, 500, 1000, 2000)[: 3 if quick else 7]:
-        yield Method("patch", f"{n} steps", "patch", PatchRelease(steps=n).release)
-    for stiffness in STIFFNESSES:
-        name = bristles(stiffness)
-        for n in (50, 200) if quick else (50, 200, 500):
-            run = PatchRelease(stiffness=stiffness, steps=n).release
-            yield Method(name, f"{n} steps", name, run)
-
-
-def _surfaces(quick: bool) -> Iterator[Method]:
-    """The published limit surface: explicit, and smoothed with a stiff integrator."""
+        yield Method("sp, events located", f"{n} steps", "sp", run)
+    yield Method("sp-paper, RK4", "1000 steps", "", PlainPivot("paper").release)
     for n in (500,) if quick else (100, 500, 2500):
         yield Method("ls, Karnopp, Euler", f"{n} steps", "ls", KarnoppRelease(n).release)
-    run = KarnoppRelease(500, half_band=0.01).release
-    yield Method("ls, Karnopp, Euler", "500 steps, d 0.01 m/s", "ls", run)
-    settings = [(1e-2, 1e-3), (1e-2, 1e-4), (1e-2, 1e-6), (1e-2, 1e-8)]
-    settings += [(1e-3, 1e-4), (1e-3, 1e-6), (1e-4, 1e-6), (1e-5, 1e-6), (1e-6, 1e-6)]
-    budget = 12_000 if quick else 100_000
-    for integrator in ("LSODA", "Radau", "BDF"):
-        # A hundred times slower than the others; LSODA shows the cost of a small d.
-        few = settings[1:7:5] if integrator == "LSODA" else settings[:1]
-        for d, rtol in few if quick else settings:
-            model = ImplicitRelease(d, integrator, rtol, rtol / 100, samples=2, budget=budget)
+    for d, rtol in SMOOTHED[: 1 if quick else None]:
+        for integrator in ("LSODA", "Radau"):
+            model = ImplicitRelease(d, integrator, rtol, rtol / 100, samples=2, budget=50_000)
             words = f"d {d:g} m/s, rtol {rtol:g}"
             yield Method(f"ils, {integrator}", words, "ls", model.release)
-
-
-def bristles(stiffness: float) -> str:
-    """Name in tables of bristles of a stiffness [1/m]."""
-    return f"LuGre, σ₀ {stiffness:.0e} 1/m".replace("e+0", "e")
-
-
-def extrapolated(model: SteppedRelease | PatchRelease, steps: int, case: ReleaseCase) -> Release:
-    """Twice the result of 2 `steps` less that of `steps`: the first order's error is gone."""
-    coarse, fine = (replace(model, steps=n).release(case) for n in (steps, 2 * steps))
-    end = 2 * fine.end - coarse.end
-    times = np.array([case.grip.opening])
-    return Release(times, end[:3, None], end[3:, None], trouble=coarse.trouble or fine.trouble)
+    for n in some(20, 50, 100, 200, 500, 1000, 2000, 5000):
+        yield Method(STEPPED_SURFACE, f"{n} steps", "ls", SteppedRelease(steps=n).release)
+    for n in some(50, 100, 200, 500, 1000, 2000):
+        yield Method("patch", f"{n} steps", "patch", PatchRelease(steps=n).release)
+    for stiffness in STIFFNESSES:
+        run = PatchRelease(stiffness=stiffness, steps=500).release
+        name = f"LuGre, σ₀ {stiffness:.0e} 1/m".replace("e+0", "e")
+        yield Method(name, "500 steps", "", run)
+    for n in some(12, 24, 48, 96, 192):
+        yield Method("sp, batch", f"{n} steps", "sp", None, "sp", n)
+    for n in some(20, 40, 80, 120, 240, 480):
+        yield Method("ls-step, batch", f"{n} steps", "ls", None, STEPPED_SURFACE, n)
 
 
 def _hand(case: ReleaseCase, t: float) -> tuple[Array, Array, HandMotion]:
