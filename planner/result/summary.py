@@ -128,7 +128,7 @@ def _quiet(plan: Plan) -> str:
             counts, cure = "friction counts", "measure it"
     if _robust_helps(plan):
         cure = "plan with --robust"
-    words = f"not quiet: the opening pads carry up to {load_words(load)} of their grip"
+    words = f"not quiet: to hold on, the opening pads need up to {load_words(load)} of their grip"
     return f"{words}, so {counts}: {cure}"
 
 
