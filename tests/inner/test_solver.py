@@ -1,4 +1,4 @@
-"""Solves that are given up: FATROP can repeat one factorisation for ever."""
+"""Fails if a solve without an end is not given up: FATROP can repeat one step for ever."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Sweeps: physics of disturbed throws."""
+"""Fails if a disturbed throw lands elsewhere than by closed forms, by the hand or scene that the
+disturbance stands for, or if a throw that misses or slips counts as a success."""
 
 from __future__ import annotations
 
@@ -102,14 +103,7 @@ def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
     assert batch.fly(values).landing == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_com_behind_the_pads_is_thrown_too() -> None:
-    """Through h = 0 the landing goes on smoothly: no turn by pi, no kink."""
-    pose = batch_of(small("com_offset")).fly(np.linspace(-2e-3, 2e-3, 41)[:, None]).landing
-    assert np.abs(np.diff(pose[:, 0])).max() < 1e-3
-    assert np.abs(np.diff(pose[:, 1], 2)).max() < 5e-3
-
-
-@pytest.mark.parametrize("name", ["delay", "near-cup", "hand-flip"])
+@pytest.mark.parametrize("name", ["near-cup", "hand-flip"])
 def test_the_nominal_throw_is_the_checked_one(name: str, plan_of) -> None:
     plan = plan_of(name)
     tolerance, exact = plan.scene.tolerance, plan.throw.deciding.sliding_pivot.landing
@@ -165,16 +159,6 @@ def test_the_largest_delays_are_where_success_ends(posed) -> None:
             tolerance = posed.scene.tolerance
             met = abs(dx) <= tolerance.position and abs(dtheta) <= tolerance.angle
             assert met == inside
-
-
-def test_no_delay_fails_in_a_wide_tolerance(posed) -> None:
-    wide = varied(posed.scene, tolerance={"position": 50.0, "angle": 100.0})
-    scan = tp.sweep(dataclasses.replace(posed, scene=wide), samples=8).delays
-    # So early that the arm is not yet out of the bar's way it touches that.
-    assert scan.late is None and (scan.early is None or scan.early < -0.04)
-    elsewhere = dataclasses.replace(posed, target=posed.target.changed(x=9.0))
-    scan = tp.sweep(elsewhere, samples=8).delays
-    assert (scan.early, scan.late) == (0.0, 0.0)
 
 
 def test_a_weak_grip_is_no_success(posed) -> None:

@@ -1,4 +1,4 @@
-"""Tool speed: flange and pads' centre of what is sent keep the limit of the arm or the scene."""
+"""Fails if flange or pads of what is sent break the limit on tool speed, or need not keep it."""
 
 from __future__ import annotations
 
@@ -49,22 +49,13 @@ def test_a_slower_tool_changes_the_throw(free_plan) -> None:
     assert 0.95 * SLOW < fastest(plan) <= SLOW
 
 
-@pytest.mark.parametrize(("x", "theta"), [(-1.4, 3.7), (1.4, -1.2)])
-def test_far_throws_keep_the_pandas_limit(pose_planner, x: float, theta: float) -> None:
-    """Without the limit each of them would be thrown faster."""
-    plan = pose_planner.plan(tp.Pose(x=x, z=0.1, theta=theta))
+def test_far_throws_keep_the_pandas_limit(pose_planner) -> None:
+    """Without the limit it would be thrown faster."""
+    plan = pose_planner.plan(tp.Pose(x=1.4, z=0.1, theta=-1.2))
     assert plan.solved
     assert 1.95 < fastest(plan) <= 2.0
     speed = measures_of(plan.throw.deciding).value("speed")[0]
     assert speed == pytest.approx(fastest(plan), abs=1e-3)
-
-
-def test_what_only_a_faster_tool_reaches_is_not_thrown_to(pose_planner) -> None:
-    target = tp.Pose(x=1.6, z=0.1, theta=0.0)
-    fast = {"tool_speed": None, "torque_rate": None, "torque_margin": 0.0}
-    assert tp.Planner(varied(pose_planner.scene, fast)).plan(target).solved
-    plan = pose_planner.plan(target)
-    assert not plan.solved and "tool speed" in [one.limit for one in plan.binding]
 
 
 def test_sampled_releases_keep_it(pose_planner) -> None:

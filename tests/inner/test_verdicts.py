@@ -1,4 +1,5 @@
-"""Verdicts on many throws, and the sentences of findings."""
+"""Fails if throws with disturbances succeed or fail otherwise than by the oracle, wherever its own
+error cannot change that."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ import throwplan as tp
 from builders import loud, only
 from throwplan.planner.throw import ThrowBatch
 from throwplan.planner.uncertainty import sampler_of
-from throwplan.planner.verdict import Code, Finding, Judge, Verdict, measures_of
+from throwplan.planner.verdict import Code, Judge, measures_of
 from throwplan.problems import Distribution, Obstacle, Uncertainty
 
 from oracle import read_oracle
@@ -122,34 +123,6 @@ def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> No
     assert 0.0 < found.success.mean() < 1.0
     (warning,) = (f for f in plan.verdict.warnings if f.code is Code.UNCERTAIN)
     assert warning.value == pytest.approx(1.0 - found.landings.sticks.mean(), abs=0.02)
-    assert "slip under full grip" in warning.words and "sticking_margin" in warning.words
-    assert warning.words in plan.summary(verbose=True)
-    assert f"{100 * warning.value:.0f} % slip under full grip" in plan.summary()
-    most = 100 * (1 - plan.scene.gripper.sticking_margin)
-    assert f"grip {100 * use:.0f} of {most:.3g} %" in plan.summary()
 
 
 # Findings and verdicts.
-
-
-def test_a_warning_breaks_nothing_and_a_cup_excuses_the_landing() -> None:
-    landing = Finding(Code.LANDING, 0.1, 0.002, 1.0, "position")
-    slip = Finding(Code.SLIP_BEFORE_OPENING, 1.1, 1.0, 0.5)
-    warning = Finding(Code.MODELS_DIFFER, 0.1, 0.002, broken=False, note="apart")
-    assert Verdict((warning,)).ok and Verdict((warning,)).succeeds
-    assert not Verdict((landing,)).succeeds and Verdict((landing,), cup=True).succeeds
-    assert not Verdict((landing,), cup=True).ok
-    assert not Verdict((landing, slip), cup=True).succeeds
-    assert Verdict((landing, slip)).words == f"{landing.words}; {slip.words}"
-
-
-def test_a_plan_s_json_has_its_findings(loud_plan_of) -> None:
-    plan = loud_plan_of("hand-flip")
-    narrow = plan.scene.changed(tolerance=tp.Tolerance(position=5e-4, angle=0.0035))
-    throw = plan.throw.deciding.in_scene(narrow)
-    plan = replace(plan, scene=narrow, throw=replace(plan.throw, deciding=throw))
-    solved = plan.to_dict()
-    assert [found["code"] for found in solved["findings"]] == ["models_differ"]
-    assert (
-        solved["findings"][0]["words"] == solved["warning"] and not solved["findings"][0]["broken"]
-    )

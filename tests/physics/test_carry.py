@@ -1,4 +1,5 @@
-"""The grip while the hand carries the object in space, and the torques of all joints."""
+"""Fails if the grip's use or a joint's torque in space is not MuJoCo's, or if the verdict on a
+carry misses a limit that it breaks, between samples too."""
 
 from __future__ import annotations
 
@@ -6,7 +7,6 @@ import dataclasses
 import math
 from pathlib import Path
 
-import casadi as ca
 import mujoco
 import numpy as np
 import pytest
@@ -22,8 +22,6 @@ from throwplan.robots import joint_motion
 from oracle.clearance import Solid
 from oracle.cycles import Carried
 from oracle.motion import frames_of
-
-ARMS = ["pose", "fr3", "gen3", "iiwa14", "ur5e", "xarm7"]
 
 
 def space_of(scene: tp.Scene) -> SpatialScene:
@@ -69,39 +67,7 @@ def expected_use(scene: tp.Scene, force: np.ndarray, torque: np.ndarray) -> np.n
     return pinch_use(scene.patch, *parts, full).use
 
 
-@pytest.mark.parametrize("name", ARMS)
-def test_the_wrench_is_that_of_points_of_the_body(name: str) -> None:
-    """Newton's law for point masses, whose accelerations are differences of their places.
-
-    Eight points have the body's mass, CoM and inertia; their places come from the arm's frames.
-    """
-    scene, times, step = leaning(name), np.linspace(0.05, 0.35, 13), 1e-4
-    q, mass = ca.SX.sym("q", scene.arm.joints), scene.object.mass
-    pads = ca.Function("pads", [q], [scene.arm.frames(q)[-1]])
-    com, tensor = in_pads(scene)
-    # The second moments of the mass, along their own axes.
-    moments, axes = np.linalg.eigh(np.trace(tensor) / 2 * np.eye(3) - tensor)
-    corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-    points = com + (corners * np.sqrt(moments / mass)) @ axes.T
-
-    def places(t: float) -> tuple[np.ndarray, np.ndarray]:
-        pose = np.array(pads(states(name, np.array([t]))[0][0]))
-        return points @ pose[:3, :3].T + pose[:3, 3], pose
-
-    wrenches = []
-    for t in times:
-        before, (now, pose), after = places(t - step)[0], places(t), places(t + step)[0]
-        pushes = (after - 2 * now + before) / step**2 + np.array([0.0, 0.0, scene.gravity])
-        pushes *= mass / 8
-        turns = np.cross(now - pose[:3, 3], pushes)
-        wrenches.append([each.sum(axis=0) @ pose[:3, :3] for each in (pushes, turns)])
-    force, torque = np.array(wrenches).transpose(1, 2, 0)
-    found = grip_use(space_of(scene), Samples(*states(name, times)))
-    np.testing.assert_allclose(found.use, expected_use(scene, force, torque), rtol=1e-5)
-    assert min(found.friction.max(), found.tilting.max(), found.lifting.max()) > 0.01
-
-
-@pytest.mark.parametrize("name", ARMS[1:])
+@pytest.mark.parametrize("name", ["gen3", "ur5e"])
 def test_grip_and_torques_are_those_of_mujoco(name: str) -> None:
     """Its inverse dynamics of the arm's links with the bar welded to the hand.
 
@@ -251,7 +217,6 @@ def test_a_slow_way_is_held_and_a_fast_one_turns_the_object() -> None:
     assert judged(weak, turning(0.1)).ok and judged(weak, way, held=False).ok
     (found,) = judged(weak, way).broken
     assert found.code is Code.CARRY and found.body == "tilting out of the pads' plane"
-    assert "% of what the pads' force holds" in found.words
     use = grip_use(space_of(weak), way).use
     # It may be found between two samples.
     assert 1.0 < use.max() <= found.value < 1.001 * use.max()
@@ -281,19 +246,8 @@ def head_and_handle(scene: tp.Scene, q: np.ndarray) -> list[tuple[np.ndarray, fl
     return found
 
 
-def test_an_outline_takes_the_grip_of_a_bar_of_the_same_mass() -> None:
-    scene = hammer()
-    width = scene.object.width
-    bar = varied(scene, object={"outline": (), "width": width, "mesh": None})
-    rows = Samples(*states("pose", np.linspace(0.05, 0.35, 13)))
-    np.testing.assert_allclose(
-        grip_use(space_of(scene), rows).use, grip_use(space_of(bar), rows).use, rtol=1e-9
-    )
-
-
-@pytest.mark.parametrize("time", [0.05, 0.15, 0.3])
-def test_every_part_of_an_outline_is_kept_clear(time: float) -> None:
-    scene, q = hammer(), states("pose", np.array([time]))[0]
+def test_every_part_of_an_outline_is_kept_clear() -> None:
+    scene, q = hammer(), states("pose", np.array([0.15]))[0]
     parts = head_and_handle(scene, q[0])
     still = Samples(np.repeat(q, 50, axis=0), *np.zeros((2, 50, q.shape[1])))
     lowest = min(float(points[:, 2].min()) - radius for points, radius in parts)
@@ -320,13 +274,6 @@ def test_limits_of_joints_tool_and_torques_are_found() -> None:
     assert {Code.JOINT_VELOCITY, Code.JOINT_ACCELERATION, Code.TOOL_SPEED} <= codes
     rate = scene.replace(torque=tp.Torque(rate=2.0))
     assert Code.TORQUE_RATE in judged(rate, turning(0.1)).codes
-
-
-def test_samples_of_other_joints_are_refused() -> None:
-    still = turning(0.0)
-    three = Samples(still.q[:, :3], still.dq[:, :3], still.ddq[:, :3])
-    with pytest.raises(tp.InputError, match=r"samples: must be \(N, 7\)"):
-        grip_use(space_of(tp.load_scene("pose")), three)
 
 
 # Between samples.
@@ -394,14 +341,14 @@ def test_a_held_bar_s_distance_from_the_column_is_that_of_all_its_points() -> No
     assert (expected < 0.0).any() and (expected > 0.3).any()
 
 
-@pytest.mark.parametrize("above", [-0.01, 0.01])
-def test_an_empty_hand_stays_above_the_floor(above: float) -> None:
+def test_an_empty_hand_stays_above_the_floor() -> None:
     """Also of an arm whose data have no shapes."""
     scene = tp.load_scene("pose")
     scene = scene.replace(arm=dataclasses.replace(scene.arm, capsules=()))
     q = states("pose", np.array([0.1]))[0]
     still = Samples(np.repeat(q, 50, axis=0), *np.zeros((2, 50, q.shape[1])))
     height = space_of(scene).spatial.pads(*still.rows).pose[0, 2, 3]
-    found = judged(varied(scene, workspace={"floor": float(height) + above}), still, held=False)
-    broken = [(f.body, f.value) for f in found.broken if f.code is Code.FLOOR]
-    assert broken == ([("hand", pytest.approx(height))] if above > 0 else [])
+    for above in (-0.01, 0.01):
+        found = judged(varied(scene, workspace={"floor": float(height) + above}), still, held=False)
+        broken = [(f.body, f.value) for f in found.broken if f.code is Code.FLOOR]
+        assert broken == ([("hand", pytest.approx(height))] if above > 0 else [])

@@ -1,4 +1,4 @@
-"""PinchContact kinematics, wrenches, limits and the limit surface, from first principles."""
+"""Fails if a contact's kinematics, wrenches or limit surface break Newton, Euler or Coulomb."""
 
 import math
 
@@ -10,7 +10,7 @@ from release_cases import BAR
 from throwplan.models import HandMotion, PinchContact, pivot_wrench
 from throwplan.models.body import com_wrench, contact_twist
 
-relaxed = settings(deadline=None)
+relaxed = settings(deadline=None, max_examples=50)
 number = st.floats(-10, 10)
 triple = st.tuples(number, number, number)
 lever = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
@@ -56,7 +56,7 @@ def test_power_is_the_same_at_the_contact_and_at_the_com(twist, wrench, r):
     assert at_com == pytest.approx(at_contact, rel=1e-12, abs=1e-10)
 
 
-@pytest.mark.parametrize("t", [0.0, 0.2, 0.7, 1.3])
+@pytest.mark.parametrize("t", [0.0, 0.7])
 def test_contact_twist_is_the_rate_of_the_grasped_point(t):
     twist = contact_twist(*rate(trajectory, t), *body_lever(t))
     np.testing.assert_allclose(twist, rate(grasped_point, t), atol=1e-8)
@@ -77,7 +77,7 @@ def pushed(t, turn):
 
 @pytest.mark.parametrize("gravity", [9.81, 0.0])
 @pytest.mark.parametrize("turn", [0.0, 4.0])
-@pytest.mark.parametrize("t", [0.0, 0.3, 0.9])
+@pytest.mark.parametrize("t", [0.3, 0.9])
 def test_pivot_wrench_is_newton_and_euler_of_a_carried_body(t, turn, gravity):
     hand, com = pushed(t, turn)
     x_r, z_r = com[:2] - hand[:2]

@@ -1,13 +1,12 @@
-"""The models as CasADi functions: against the exact releases, differences, and themselves."""
+"""Fails if the models as CasADi functions differ from the exact releases, the C core, or their
+derivatives from differences."""
 
 import math
-import re
 
 import casadi as ca
 import numpy as np
 import pytest
-from release_cases import VALUES, function_inputs, reference_case, smoothed
-from throwplan import models
+from release_cases import function_inputs, reference_case, smoothed
 from throwplan.models import FlightLaw, flight, limit_surface_step, release_dynamics
 from throwplan.models.release import SteppedRelease, exact_pivot_release
 
@@ -31,7 +30,7 @@ INPUTS = {
 }
 
 
-@pytest.mark.parametrize("name", VALUES)
+@pytest.mark.parametrize("name", ["drop_h100_faces2", "throw_decelerating"])
 def test_release_dynamics_is_the_exact_release_up_to_the_smoothing(name) -> None:
     """The error falls with the square of the width: halving it removes three quarters."""
     case = reference_case(name)
@@ -39,7 +38,7 @@ def test_release_dynamics_is_the_exact_release_up_to_the_smoothing(name) -> None
     assert np.linalg.norm(narrow - exact) < 0.4 * np.linalg.norm(wide - exact) < 0.02
 
 
-@pytest.mark.parametrize("name", VALUES)
+@pytest.mark.parametrize("name", ["drop_h100_faces2", "throw_decelerating"])
 def test_limit_surface_steps_are_those_of_the_core(name) -> None:
     case, steps = reference_case(name), 100
     dt, state, step = case.grip.opening / steps, case.start(), FUNCTIONS["limit_surface_step"]
@@ -96,35 +95,3 @@ def test_derivatives_are_those_of_differences(name, stuck) -> None:
         np.testing.assert_allclose(
             found[:, i], slope, rtol=1e-4, atol=1e-5 * (1 + abs(slope).max())
         )
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_a_map_is_a_loop(name) -> None:
-    function, count, rng = FUNCTIONS[name], 5, np.random.default_rng(0)
-    columns = {
-        key: np.reshape(value, (-1, 1)) * rng.uniform(0.9, 1.1, count)
-        for key, value in INPUTS[name].items()
-    }
-    together = function.map(count)(**columns)
-    for i in range(count):
-        alone = function(**{key: rows[:, i] for key, rows in columns.items()})
-        for key, rows in together.items():
-            np.testing.assert_array_equal(np.array(rows)[:, i], np.array(alone[key]).ravel())
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_docstrings_name_all_inputs_and_outputs(name) -> None:
-    words = re.findall(r"\w+", getattr(models, name).__doc__)
-    names = [*FUNCTIONS[name].name_in(), *FUNCTIONS[name].name_out()]
-    assert set(names) <= set(words)
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_what_has_no_usual_value_is_not_left_out_in_silence(name) -> None:
-    """Friction of a square pad, gravity and width have; all else makes the outputs NaN."""
-    usual = {"torsion", "faces", "gravity", "width"}
-    for left_out in INPUTS[name]:
-        given = {key: value for key, value in INPUTS[name].items() if key != left_out}
-        outputs = FUNCTIONS[name](**given).values()
-        finite = all(np.isfinite(np.array(each)).all() for each in outputs)
-        assert finite == (left_out in usual)
