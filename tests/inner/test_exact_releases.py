@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from scipy.integrate import solve_ivp
-from throwplan.models import Body, MovedHand, PinchContact, Trajectory
+from throwplan.models import MovedHand, Trajectory
 from throwplan.models.release import (
-    LinearGrip,
     Release,
     ReleaseCase,
     SlidingPivot,
@@ -95,18 +94,6 @@ def test_limit_surface_lands_as_the_models_own_does(throw: Throw) -> None:
     # First order: two runs of the plain model give its limit.
     coarse, fine = (landed(throw, SteppedRelease(steps=n).release(case)) for n in (8000, 16_000))
     assert together(surface, 2 * fine - coarse, 1e-4, 6e-4)
-
-
-def test_a_long_release_of_samples_has_all_its_nodes() -> None:
-    """Each sample of a motion is a kink, each kink a node: no gap is longer than two samples."""
-    opening = 0.3
-    times = 1e-3 * np.arange(round(1e3 * opening) + 60)
-    q = np.stack([0.1 * times, 0.3 * np.sin(12 * times), 0 * times], 1)
-    dq, ddq = (np.gradient(q, 1e-3, axis=0), -0.3 * 144 * np.sin(12 * times)[:, None] * [0, 1, 0])
-    path = Trajectory.quintics(1e-3, q, dq, ddq).shifted(0.02)
-    body, contact = Body(0.1, 1e-4, 0.05), PinchContact(0.5, 0.005, 0.6, 2)
-    found = exact_surface_release(ReleaseCase(body, contact, LinearGrip(20.0, 0.0, opening), path))
-    assert np.diff(found.times).max() <= 2e-3 and found.times[-1] == pytest.approx(opening)
 
 
 def test_a_stiff_throw_of_a_sweep_is_that_throw_by_itself() -> None:

@@ -155,18 +155,3 @@ def test_an_elastic_landing_begins_with_its_own_miss() -> None:
         return float(np.abs(np.array(function(point, p)).ravel()[rows]).max())
 
     assert missed(x) > 4.0 and missed(nlp.with_miss(x, p)) < 1e-9
-
-
-def test_guess_lands_near_its_own_release() -> None:
-    """Table, guess and NLP agree: the guess's gaps and landing are nearly closed."""
-    scene = tp.load_scene("pose")
-    nlp = nlp_of(scene)
-    x, p = point_of(scene, nlp)
-    function = ca.Function("g", [nlp.problem["x"], nlp.problem["p"]], [nlp.problem["g"]])
-    g = np.array(function(x, p)).ravel()
-    opening = nlp.links[scene.nlp.carry + 1 : -1]
-    assert max(np.abs(g[link.gap]).max() for link in opening) < 0.05
-    landed = np.array(nlp.landing(x, p)).ravel()
-    assert landed[1] == pytest.approx(scene.target.z, abs=0.01)
-    assert landed[0] == pytest.approx(scene.target.x, abs=0.1)
-    assert landed[2] == pytest.approx(scene.target.theta, abs=math.radians(20))

@@ -14,7 +14,6 @@ import pytest
 import throwplan as tp
 from builders import varied
 from throwplan.models import Trajectory
-from throwplan.models.robot import LinkCapsule
 from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.verdict import (
     Clearance,
@@ -90,19 +89,6 @@ def test_a_link_meets_the_one_two_joints_before_it() -> None:
     q = np.radians([[-90.0, -90.0], [0.0, 170.0], [0.0, 0.0]])
     apart, folded = overlap(scene, make_manipulator(scene), q)
     assert apart < -0.1 and folded > 0.02
-
-
-def test_links_next_to_the_base_keep_off_bodies_beside_the_arm(pose, free) -> None:
-    """A ball where the upper arm passes: the base may meet it there, a second arm may not."""
-    q = free.throw.deciding.path.at(np.array([0.0, 0.5 * free.throw.opening_time])).pose
-    manipulator = make_manipulator(pose)
-    upper = next(i for i, c in enumerate(pose.arm.capsules) if c.link == 2)
-    place = manipulator.capsules.at(q)[upper, :, :, 1].mean(axis=0)
-    for beside in (False, True):
-        ball = LinkCapsule(0, tuple(place), tuple(place), 0.01, beside)
-        arm = dataclasses.replace(pose.arm, capsules=(*pose.arm.capsules, ball))
-        scene = pose.replace(arm=arm)
-        assert (overlap(scene, make_manipulator(scene), q)[1] > 0.0) == beside
 
 
 def test_a_throw_goes_over_a_wall(free, around):

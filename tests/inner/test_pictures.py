@@ -20,16 +20,6 @@ def plan(plan_of) -> tp.Plan:
     return plan_of("hand-flip")
 
 
-@pytest.mark.parametrize(
-    "wrong", [None, [], 3, "no/such/plan", lambda plan: plan.scene, tp.ReachMap]
-)
-def test_what_has_no_picture_is_refused(plan, wrong) -> None:
-    with pytest.raises(tp.InputError):
-        pictures.draw(wrong(plan) if callable(wrong) and wrong is not tp.ReachMap else wrong)
-    with pytest.raises(tp.InputError, match="folder = "):
-        pictures.save(plan, None)
-
-
 def test_pictures_of_an_earlier_result_go_and_other_files_stay(plan, tmp_path) -> None:
     """Also a user's own file in the folder that a plan not found writes."""
     pictures.save(plan, tmp_path)

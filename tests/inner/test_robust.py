@@ -79,6 +79,7 @@ def test_no_plan_is_worse_than_one_that_tries_less() -> None:
             assert found <= 1e-4 + 1.1 * bound
 
 
+@pytest.mark.slow
 def test_friction_patch_radius_mass_and_delay_are_borne() -> None:
     """Slip in the full grip counts: no sample of 1,024 slips or lands outside the tolerance."""
     plain, robust = fresh(loud("place", FOUR)), fresh(planned("place", FOUR, True))

@@ -1,4 +1,4 @@
-"""Search: fails if a plan depends on what was planned before, if the nearest throw is none, or if a
+"""Fails if a plan depends on what was planned before, a release of the table cannot be thrown, or a
 bound forbids what can be thrown."""
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from throwplan.planner.search import Releases, ReleaseSampler
 from throwplan.planner.throw import case_of, make_manipulator
 from throwplan.planner.verdict import column_distance
 
-from benchmarks.judge import judge
 from benchmarks.plain_pivot import PlainPivot
 
 
@@ -86,65 +85,47 @@ def test_a_plan_does_not_depend_on_plans_before(monkeypatch: pytest.MonkeyPatch,
 # Where none is found.
 
 
-def test_the_nearest_throw_is_a_plan_of_its_own_landing() -> None:
-    planner = tp.Planner("hand-flip", library=False)
-    target = aimed(planner, 4.3, 510.0)
-    plan = planner.plan(target)
-    assert plan.status == "not_found" and plan.throw is None and plan.bound is None
-    near = plan.nearest
-    assert near.solved and near.verdict.ok and judge(near).broken == ()
-    assert planner.plan(near.target).solved and planner.plan(near.target, warm=near).solved
-    said, off = plan.to_dict()["nearest"], near.throw.deciding.miss(target)
-    assert said["error"] == pytest.approx({"position": abs(off[0]), "angle": abs(off[1])})
-    assert said["pose_error"] == pytest.approx(planner.scene.object.pose_error(*off))
-    # The limits that hold it are some of those that a throw to it cannot widen.
-    assert plan.binding and all(one.limit and one.key and one.advice for one in plan.binding)
-
-
 def test_all_limits_that_bind_are_named_the_grip_among_them() -> None:
-    """12 N hold the bar of `cup` hardly."""
-    scene = tp.load_scene("cup")
-    weak = varied(scene, gripper={"force": 12.0, "file": None})
-    plan = tp.Planner(weak, library=False).plan()
+    """1.4 N hold the bar of `hand-box` hardly."""
+    weak = varied(tp.load_scene("hand-box"), gripper={"force": 1.4})
+    plan = tp.Planner(weak, library=False).plan(weak.target.shifted(0.7, 0.0))
     names = [one.limit for one in plan.binding]
     assert "grip while carrying" in names and len(set(names)) == len(names)
-    assert all(name in plan.message for name in names)
 
 
 def test_bounds_hold_for_what_is_thrown_and_end_where_mechanics_says() -> None:
     """No sampled release lands beyond them. A hand in a box that throws at 3 m/s rises to
     v^2 / 2g above it at the very best; the bound adds what the opening can add."""
-    for name in ("hand-box", "box"):
-        planner = tp.Planner(name, library=False)
-        table, target = planner.releases(), planner.scene.target
-        for z in (target.z, target.z + 0.3):
-            x, _, time = table.landings(z, planner.scene.flight)
-            lands = np.isfinite(time)
-            for edge in (x[lands].min(), x[lands].max()):
-                beyond = tp.Pose(x=float(edge), z=z)
-                assert planner.plan(beyond, patience=1e-3).bound is None
     planner = tp.Planner("hand-box", library=False)
+    table, target = planner.releases(), planner.scene.target
+    for z in (target.z, target.z + 0.3):
+        x, _, time = table.landings(z, planner.scene.flight)
+        lands = np.isfinite(time)
+        for edge in (x[lands].min(), x[lands].max()):
+            assert planner.plan(tp.Pose(x=float(edge), z=z), patience=1e-3).bound is None
     for x, z, limit in ((30.0, 0.0, "landing distance"), (0.0, 9.0, "landing height")):
         plan = planner.plan(tp.Pose(x=x, z=z))
         assert plan.status == "not_found" and plan.bound.limit == limit
         assert plan.bound.value < max(x, z)
     assert planner.plan(tp.Pose(x=0.0, z=1.4)).bound is None
-    inside = aimed(tp.Planner("pose", library=False), 0.2, -20)
-    plan = tp.plan("pose", inside)
+
+
+@pytest.mark.slow
+def test_nothing_is_thrown_into_the_base_column() -> None:
+    """The bar touches nothing where the nearest throw lands."""
+    plan = tp.plan("pose", tp.load_scene("pose").target.in_plane(0.2, math.radians(-20)))
     assert plan.bound.limit == "base column" and plan.to_dict()["bound"]["value"] > 0.0
-    # The bar touches nothing where the nearest throw lands.
     near = plan.nearest.target
     there = np.array([[near.plane_x], [near.z], [near.theta]])
     assert column_distance(plan.scene.object, there, 0.12, 0.45)[0] > -1e-4
 
 
-@pytest.mark.parametrize("degrees", [90.0])
-def test_a_bar_that_is_turned_round_in_the_hand_is_thrown_alike(degrees: float) -> None:
+def test_a_bar_that_is_turned_round_in_the_hand_is_thrown_alike() -> None:
     """One held at its middle, whose end behind the pads must clear the floor, too."""
     scene = tp.load_scene("hand-box")
     scene = scene.replace(
         hand=dataclasses.replace(scene.hand, start=None),
-        grasp=dataclasses.replace(scene.grasp, angle=math.radians(degrees)),
+        grasp=dataclasses.replace(scene.grasp, angle=math.radians(90.0)),
         workspace=tp.Workspace(floor=0.45),
         target=scene.target.changed(z=0.7),
     )

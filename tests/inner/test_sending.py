@@ -63,13 +63,6 @@ def pieces(seed: int, share: float, jerk: float) -> Trajectory:
     return joined(np.append(0.0, np.cumsum(dt)), ddq, rng.uniform(-1, 1, (12, 3)) * jerk)
 
 
-def even(jerk: float) -> Trajectory:
-    """From rest with continuous acceleration: jerk up, down, down, up at `jerk` of the limit."""
-    h, jerks = 0.0015, jerk * np.array([1.0, -1.0, -1.0, 1.0])[:, None] * np.ones(3)
-    ddq = np.cumsum(np.vstack([np.zeros(3), h * jerks[:-1] * panda().hard.jerk]), axis=0)
-    return joined(h * np.arange(5.0), ddq, jerks)
-
-
 def even_pieces(lengths: np.ndarray, jerk: np.ndarray) -> Trajectory:
     """From rest with continuous acceleration within its limits: jerks as shares of theirs."""
     hard, ddq = panda().hard, [np.zeros(3)]
@@ -108,13 +101,6 @@ def test_steps_of_the_acceleration_are_followed_the_same(seed, share, jerk) -> N
     sent = assert_followed(panda(), pieces(seed, share, jerk))
     # At rest at first even where the plan starts with a step.
     assert not sent.dq[0].any() and not sent.ddq[0].any()
-
-
-@pytest.mark.parametrize("jerk", [0.5, 0.998])
-def test_a_motion_within_the_limits_is_sent_as_planned(jerk: float) -> None:
-    planned = even(jerk)
-    sent = assert_followed(panda(), planned)
-    assert sent.q[:7] == pytest.approx(planned.at(TICK * np.arange(7)).pose.T, abs=0)
 
 
 def test_a_motion_is_braked_as_ruckig_brakes_it() -> None:

@@ -3,6 +3,7 @@ breaks one, or if a limit that binds does not change the throw."""
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import math
 
@@ -51,6 +52,22 @@ def test_what_each_section_costs() -> None:
     free = nlp_of(cup.replace(cup=None, target=tp.Pose(x=0.9, z=0.2)))
     assert no_cup.size[1] - free.size[1] == 1
     assert not [name for name in full.parameters.blocks if name.startswith("palm")]
+
+
+def test_every_limit_has_its_rows() -> None:
+    """13 nodes of 12 intervals, half of them in the opening; three joints that throw."""
+    scene = tp.load_scene("near-cup")
+    limits = {"torque": Torque(limits=WEAK), "landing": Landing(speed_min=1.0, rate_max=5.0)}
+    rows = collections.Counter(nlp_of(scene.replace(**limits)).row_names)
+    for joint in (2, 4, 6):
+        found = [rows[f"joint {joint} {kind}"] for kind in ("position", "velocity", "torque")]
+        assert found == [12, 13, 30] and rows[f"joint {joint} room to brake"] == 1
+    assert sum(rows[f"gap {k}"] for k in range(12)) == 5 * 10 + 9 + 6 * 15
+    expected = {"tool speed": 40, "grip while carrying": 13, "sliding pivot": 6 * 6}
+    expected |= {"floor": 19, "base column": 19, "cup depth": 5, "cup clearance": 17}
+    landing = ("landing x", "landing z", "landing theta", "coming down", "landing speed")
+    expected |= dict.fromkeys((*landing, "landing rate"), 1)
+    assert {name: rows[name] for name in expected} == expected
 
 
 # Throws that break something.

@@ -123,6 +123,3 @@ def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> No
     assert 0.0 < found.success.mean() < 1.0
     (warning,) = (f for f in plan.verdict.warnings if f.code is Code.UNCERTAIN)
     assert warning.value == pytest.approx(1.0 - found.landings.sticks.mean(), abs=0.02)
-
-
-# Findings and verdicts.

@@ -71,27 +71,7 @@ def test_the_slider_moves_and_colours_the_bar(space: Any, panel: Any) -> None:
         assert f"{1e3 * moment:.0f} ms" in panel.words.content
 
 
-def test_playing_takes_real_time_times_the_speed(panel: Any) -> None:
-    panel.go(0.0)
-    panel.play(True)
-    for speed, factor in (("1", 1.0), ("1/5", 0.2), ("1/20", 0.05)):
-        panel.speed.value = speed
-        before = panel.time
-        for _ in range(10):
-            panel.advance(0.013)
-        assert panel.time - before == pytest.approx(0.13 * factor, abs=1e-12)
-    panel.play(False)
-    panel.advance(1.0)
-    assert panel.time == pytest.approx(0.13 * 1.25)
-    panel.play(True)
-    panel.speed.value = "1"
-    panel.advance(100.0)
-    assert panel.time == panel.end and not panel.playing
-    panel.play(True)
-    assert panel.time == 0.0
-    panel.play(False)
-
-
+@pytest.mark.slow
 def test_a_cycle_moves_each_object_from_its_pick_to_its_bin(cycled, free_port) -> None:
     """Each lies at its pick until it is held, is carried without a jump, and ends at its target;
     the arm goes on meanwhile."""

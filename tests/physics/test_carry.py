@@ -13,7 +13,6 @@ import pytest
 import throwplan as tp
 from builders import inertia_matrix, swinging, varied
 from throwplan.models import PinchContact, pinch_use
-from throwplan.planner.result import read_motion
 from throwplan.planner.throw import Samples, friction_use, make_manipulator
 from throwplan.planner.verdict import BAR, Code, SpatialScene, Verdict, grip_use, motion_verdict
 from throwplan.problems import Obstacle
@@ -142,19 +141,6 @@ def test_in_the_throw_s_plane_it_is_the_throw_s_grip_use(planner_of, azimuth: fl
     assert max(found.tilting.max(), found.lifting.max()) < 1e-9
 
 
-def test_the_use_is_a_gauge() -> None:
-    """In proportion to the wrench, convex, and never below that of one of its parts."""
-    force, torque = wrenches(300)
-    one = pinch_use(CONTACT, force, torque, FULL)
-    double = pinch_use(CONTACT, 2 * force, 2 * torque, FULL).use
-    np.testing.assert_allclose(double, 2 * one.use, rtol=1e-8)
-    np.testing.assert_allclose(pinch_use(CONTACT, force, torque, 2 * FULL).use, one.use / 2)
-    for part in (one.friction, one.tilting, one.lifting):
-        assert (one.use >= part * (1 - 1e-9)).all()
-    middle = pinch_use(CONTACT, *((rows + rows[:, ::-1]) / 2 for rows in (force, torque)), FULL)
-    assert (middle.use <= (one.use + one.use[::-1]) / 2 + 1e-9).all()
-
-
 def test_single_loads_hold_up_to_their_limits() -> None:
     """Two pads of 80 N: 144 N of friction, 160 N across, 4 mm of lever out of the plane."""
     pads = 2 * FULL
@@ -280,9 +266,9 @@ def test_limits_of_joints_tool_and_torques_are_found() -> None:
 
 
 @pytest.fixture(scope="module")
-def carry(cycled: Path) -> tuple[SpatialScene, Samples]:
-    """From rest at a pick to the last sample before the pads open."""
-    motion = read_motion(cycled)
+def carry(plan_of) -> tuple[SpatialScene, Samples]:
+    """From rest to the last sample before the pads open."""
+    motion = joint_motion(plan_of("pose"))
     one = motion.carries[0]
     return one.space, motion.samples[one.held : math.floor(1e3 * one.opening_time) + 1]
 

@@ -48,11 +48,11 @@ def test_a_table_of_a_straight_fall_is_the_linear_release():
     np.testing.assert_allclose(table.force(inner), linear.force(inner), atol=1e-9)
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.2])
-def test_a_table_passes_through_its_samples_and_noise_before_the_fall_is_dwell(noise):
-    before = np.where(TIMES < 0.035, noise * np.sin(1e4 * TIMES), 0.0)
-    release = TableGrip(TIMES, FORCES + before)
-    assert release.dwell == pytest.approx(0.04, abs=0.001)
+def test_a_table_passes_through_its_samples_and_noise_before_the_fall_is_dwell():
+    noise = np.where(TIMES < 0.035, 0.2 * np.sin(1e4 * TIMES), 0.0)
+    release = TableGrip(TIMES, FORCES)
+    for each in (release, TableGrip(TIMES, FORCES + noise)):
+        assert each.dwell == pytest.approx(0.04, abs=0.001)
     assert release.dwell + release.opening == pytest.approx(0.1, abs=0.001)
     falling = (release.dwell - 1e-12 <= TIMES) & (release.dwell + release.opening >= TIMES)
     found = release.force(TIMES[falling] - release.dwell)
@@ -101,24 +101,6 @@ def test_a_drift_of_the_sensor_is_no_force_of_the_pads(drift: float, noise: floa
     assert all(0.0565 - 4 * noise / 120 * 0.058 < opening < 0.060 for opening in found), found
     # A drift within the noise is none.
     assert len(found) == 4 or drift > 3 * noise
-
-
-@pytest.mark.parametrize("noise", [0.2, 2.0])
-def test_the_full_grip_of_a_noisy_recording_is_no_single_sample(noise):
-    t = np.arange(0.0, 0.2, 0.001)
-    u = np.clip((t - 0.04) / 0.05, 0.0, 1.0)
-    true = 90.0 * (1 - 3 * u**2 + 2 * u**3)
-    found = []
-    for seed in range(20):
-        raw = true + 1.5 + noise * np.random.default_rng(seed).normal(size=t.size)
-        found.append(TableGrip.from_recording(t, raw).full)
-        if noise > 1.0:  # that hides the slope of a few samples
-            continue
-        # Cut off while there is force on the pads: what is left is no offset.
-        with pytest.raises(ValueError, match="must go on, level"):
-            TableGrip.from_recording(t[t < 0.075], raw[t < 0.075])
-    assert np.abs(np.array(found) - 90.0).max() < 0.5 + noise
-    assert np.std(found) < noise / 3
 
 
 @pytest.mark.parametrize(
