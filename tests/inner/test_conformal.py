@@ -46,7 +46,3 @@ def test_the_region_knows_neither_order_nor_units_nor_origin():
     assert conformal_region(known[::-1], 0.9) == pytest.approx(half, rel=1e-9)
     assert conformal_region(1e3 * known + 7.0, 0.9) == pytest.approx(1e3 * half, rel=1e-6)
     assert conformal_region(known[:, ::-1], 0.9) == pytest.approx(half[::-1], rel=1e-9)
-
-
-def test_equal_residuals_have_a_region_of_no_width():
-    assert (conformal_region(np.full((12, 2), 0.3), 0.9) < 1e-9).all()

@@ -109,12 +109,3 @@ def test_another_library_has_the_pads_there() -> None:
     for place in ([1.3, 0.0, 0.3], [0.5, 0.0, -0.05]):  # Out of reach; below the floor.
         with pytest.raises(tp.InputError):
             inverse_kinematics(space, HandPose(place, 0.0), seed)
-
-
-def test_a_hand_in_a_throw_s_pose_is_where_the_planar_model_has_it() -> None:
-    space, azimuth, angle = space_of("pose"), 0.5, -0.6
-    place = [0.5 * math.cos(azimuth), 0.5 * math.sin(azimuth), 0.5]
-    q = inverse_kinematics(space, HandPose(place, azimuth, angle), [0.0] * 7)
-    approach = space.kinematics.arm.placed(q)[-1][:3, 2]
-    ahead = [math.cos(angle) * math.cos(azimuth), math.cos(angle) * math.sin(azimuth)]
-    np.testing.assert_allclose(approach, [*ahead, math.sin(angle)], atol=1e-8)

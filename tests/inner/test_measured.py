@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 from throwplan.lab import measured
@@ -53,12 +51,3 @@ def test_a_bar_that_comes_to_rest_above_the_landing_height_has_not_landed() -> N
         measured(data(HEIGHT + 0.01))
     # A landing of its own needs no flight.
     assert measured(data(HEIGHT + 0.01, landing=(1.3, HEIGHT, 2.0)))[0] == pytest.approx([1.3, 2.0])
-
-
-def test_a_track_that_begins_too_late_is_refused() -> None:
-    late = data(HEIGHT - 0.1)
-    throw = late.throws[0]
-    assert throw.track is not None
-    cut = dataclasses.replace(throw, track=throw.track[throw.track[:, 0] < OPENED + 0.05])
-    with pytest.raises(InputError, match="13 samples"):
-        measured(dataclasses.replace(late, throws=(cut,)))

@@ -139,19 +139,3 @@ def test_bounds_come_from_the_limits_less_the_margins() -> None:
     assert nlp.block(low, "T", 0) == pytest.approx(0.05)
     assert nlp.block(high, "dq", 0) is None
     assert (low < high).all()
-
-
-def test_an_elastic_landing_begins_with_its_own_miss() -> None:
-    """The rows of the landing hold at the start, however far off the target is."""
-    scene = tp.load_scene("hand-flip")
-    far = scene.aimed_at(scene.target.shifted(5.0, -9.0))
-    request = dataclasses.replace(request_of(far), elastic=100.0)
-    nlp = build_nlp(request)
-    x, p = point_of(scene, nlp)[0], nlp.parameter_values(request)
-    function = ca.Function("g", [nlp.x, nlp.p], [nlp.problem["g"]])
-    rows = [nlp.row_names.index(row) for row in ("landing x", "landing theta")]
-
-    def missed(point: np.ndarray) -> float:
-        return float(np.abs(np.array(function(point, p)).ravel()[rows]).max())
-
-    assert missed(x) > 4.0 and missed(nlp.with_miss(x, p)) < 1e-9

@@ -81,16 +81,6 @@ def test_a_throw_clears_the_arm_as_the_check_says(pose, free) -> None:
         assert (found[:50] <= 0.0).all() and (found > 0.01).sum() > 10
 
 
-def test_a_link_meets_the_one_two_joints_before_it() -> None:
-    """The forearm of a UR5e, folded onto its shoulder."""
-    scene = tp.load_scene("ur5e")
-    two = tuple(capsule for capsule in scene.arm.capsules if capsule.link in (1, 3))
-    scene = scene.replace(arm=dataclasses.replace(scene.arm, capsules=two))
-    q = np.radians([[-90.0, -90.0], [0.0, 170.0], [0.0, 0.0]])
-    apart, folded = overlap(scene, make_manipulator(scene), q)
-    assert apart < -0.1 and folded > 0.02
-
-
 def test_a_throw_goes_over_a_wall(free, around):
     assert free.solved and around.solved
     hit = dataclasses.replace(free.throw.deciding, scene=around.throw.deciding.scene)

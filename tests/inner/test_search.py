@@ -18,10 +18,6 @@ from throwplan.planner.verdict import column_distance
 from benchmarks.plain_pivot import PlainPivot
 
 
-def aimed(planner: tp.Planner, x: float, degrees: float) -> tp.Pose:
-    return planner.scene.target.in_plane(x, math.radians(degrees))
-
-
 def drawn(scene: tp.Scene, count: int = 4000) -> Releases:
     return ReleaseSampler(scene, make_manipulator(scene)).draw(count, 0)
 

@@ -9,10 +9,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import loud, only
+from builders import loud
 from throwplan.planner.throw import ThrowBatch
 from throwplan.planner.uncertainty import sampler_of
-from throwplan.planner.verdict import Code, Judge, measures_of
+from throwplan.planner.verdict import Code, Judge
 from throwplan.problems import Distribution, Obstacle, Uncertainty
 
 from oracle import read_oracle
@@ -75,7 +75,7 @@ SCENES: dict[str, Callable[[], tp.Scene]] = {
     "com grasp": lambda: tp.load_scene("hand-box"),
 }
 #: Those that `make test` throws; the others are slow.
-DAILY = ("weak hand",)
+DAILY = ("weak hand", "weak cup")
 
 
 def scattered(plan: tp.Plan, seed: int = 1) -> tuple[Judge, np.ndarray]:
@@ -109,17 +109,3 @@ def test_throws_are_judged_as_the_oracle_judges_them(name: str, tmp_path) -> Non
     assert together.breaks(Code.LANDING, Code.CUP_WALL).any()
     if "weak" in name:
         assert 0 < together.breaks(Code.SLIP_BEFORE_OPENING).sum() < COUNT
-
-
-def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> None:
-    """The largest use of the grip may come after the release: no throw is held then."""
-    scene = weak("near-cup", 60.0).replace(uncertainty=only(friction=spread(0.15, relative=True)))
-    plan = tp.plan(scene)
-    found = tp.sweep(plan, samples=512)
-    use = measures_of(plan.throw.deciding).value("grip")[0]
-    friction = found.values[:, 0] / scene.contact.friction
-    # A wrench over a limit in proportion to friction.
-    assert (found.landings.sticks == (use / friction <= 1.0)).all()
-    assert 0.0 < found.success.mean() < 1.0
-    (warning,) = (f for f in plan.verdict.warnings if f.code is Code.UNCERTAIN)
-    assert warning.value == pytest.approx(1.0 - found.landings.sticks.mean(), abs=0.02)

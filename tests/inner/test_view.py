@@ -61,16 +61,6 @@ def test_the_pads_hold_until_detach_and_then_open(space: Any, panel: Any) -> Non
         assert (gap > 0.01) if opens else (abs(gap) < 1e-12)
 
 
-def test_the_slider_moves_and_colours_the_bar(space: Any, panel: Any) -> None:
-    for name, colour in (("command", (138, 143, 152)), ("landing", (42, 157, 111))):
-        moment = space.line.marks[name]
-        panel.slider.value = round(1e3 * moment)
-        pose = space.bar[space.line.index(moment)]
-        np.testing.assert_allclose(panel.view.bar.position, pose[:3, 3], atol=1e-12)
-        assert tuple(panel.view.box.color) == colour
-        assert f"{1e3 * moment:.0f} ms" in panel.words.content
-
-
 @pytest.mark.slow
 def test_a_cycle_moves_each_object_from_its_pick_to_its_bin(cycled, free_port) -> None:
     """Each lies at its pick until it is held, is carried without a jump, and ends at its target;

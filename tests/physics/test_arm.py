@@ -10,7 +10,7 @@ import throwplan as tp
 from adam.numpy import KinDynComputations
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from throwplan.models.robot import PlanarArm, PlanarHand, hand_motion, segment_distance
+from throwplan.models.robot import PlanarArm, PlanarHand, hand_motion
 from throwplan.problems.arm_files import load_arm
 
 URDF = Path(__file__).parent.parent / "data" / "panda.urdf"
@@ -128,15 +128,3 @@ def test_a_hand_that_does_not_turn_keeps_its_angle():
     np.testing.assert_array_equal(pose, [1, 2, 0.7])
     np.testing.assert_array_equal(twist, [3, 4, 0])
     np.testing.assert_array_equal(acceleration, [5, 6, 0])
-
-
-@pytest.mark.parametrize("size", [1e-3, 5e-3, 0.1])
-def test_segments_of_any_size_are_apart_as_their_nearest_points(size: float) -> None:
-    """No farther than the nearest of 61 x 61 points, and nearer by at most half of their steps."""
-    ends = size * np.random.default_rng(0).normal(size=(2, 2, 300, 3))
-    share = np.linspace(0.0, 1.0, 61)[:, None, None]
-    points = [begin + share * (end - begin) for begin, end in ends]
-    nearest = np.linalg.norm(points[0][:, None] - points[1], axis=-1).min(axis=(0, 1))
-    found = segment_distance(*ends[0], *ends[1])
-    steps = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1).sum(axis=0) / 60
-    assert (found <= nearest + 1e-12).all() and (found >= nearest - steps / 2 - 1e-12).all()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 from pathlib import Path
@@ -103,19 +102,3 @@ def test_samples_are_met_by_quintics_exactly_and_held_outside() -> None:
     for curve, found in zip(exact, path.at(between), strict=True):
         assert found[0] == pytest.approx(curve(between), rel=1e-9, abs=1e-9)
     assert path.at(np.array([-1.0, 1.0])).pose[0] == pytest.approx(polynomial(t[[0, -1]]))
-
-
-@pytest.mark.parametrize("shared", [True, False])
-def test_many_throws_are_each_by_itself(shared: bool) -> None:
-    rng, t = np.random.default_rng(0), np.linspace(0.0, 0.3, 12)
-    delays, times = rng.uniform(0, 0.1, 5), rng.uniform(0, 0.2, 5)
-    poses = rng.normal(size=(1 if shared else 5, 12, 3))
-    path = Trajectory.through(t, poses, delays)
-    path = dataclasses.replace(path, drift=rng.normal(size=(3, 5)))
-    some = np.array([3, 1])
-    for whole, part in zip(path.at(times), path.part(some).at(times[some]), strict=True):
-        assert np.array_equal(whole[:, some], part)
-    for n in range(5):
-        alone = Trajectory.through(t, poses[0 if shared else n]).at(times[[n]] + delays[n])
-        drifted = alone.pose[:, 0] + times[n] * path.drift[:, n]
-        assert path.at(times).pose[:, n] == pytest.approx(drifted)
