@@ -12,7 +12,7 @@ import throwplan as tp
 from matplotlib.figure import Figure
 from matplotlib.path import Path
 from throwplan import pictures
-from throwplan.problems import Obstacle, OutlinePart
+from throwplan.problems import OutlinePart
 
 
 @pytest.fixture(scope="module")
@@ -50,12 +50,6 @@ def test_a_user_s_settings_change_no_picture(plan, tmp_path) -> None:
     assert drawn[0] == drawn[1]
 
 
-def obstacles() -> tuple[Obstacle, ...]:
-    """A wall across the plane, turned, and a post beside it."""
-    wall = Obstacle("wall", "box", (0.06, 0.8, 0.3), (0.7, 0.0, 0.15), yaw=np.radians(20.0))
-    return wall, Obstacle("post", "capsule", (0.05, 0.6), (0.5, 0.3, 0.3))
-
-
 def hammer(bar: tp.Object) -> tp.Object:
     """An object of the bar's length with three capsules, one inside of the others."""
     far = bar.length - 0.02
@@ -65,24 +59,6 @@ def hammer(bar: tp.Object) -> tp.Object:
         OutlinePart((far - 0.02, 0.0), (far - 0.02, 0.0), 0.012),
     )
     return dataclasses.replace(bar, width=0.0, outline=parts)
-
-
-def area(corners: np.ndarray) -> float:
-    """Area [m²] of a polygon (N, 2)."""
-    x, z = corners.T
-    return abs(float(x @ np.roll(z, -1) - np.roll(x, -1) @ z)) / 2
-
-
-def test_an_obstacle_is_drawn_as_the_plane_cuts_it(saved) -> None:
-    throw = tp.read_plan(saved("near-cup"))
-    scene = throw.scene.replace(obstacle=obstacles())
-    stage = pictures.draw(dataclasses.replace(throw, scene=scene)).axes[0]
-    drawn = {str(patch.get_label()): patch for patch in stage.patches}
-    wall, post = drawn["obstacle"], drawn["obstacle beside the plane"]
-    # 6 cm across a wall that is turned by 20 degrees; the post as seen from aside, not filled.
-    assert area(wall.get_xy()) == pytest.approx(0.3 * 0.06 / np.cos(np.radians(20.0)), rel=1e-6)
-    assert area(post.get_xy()) == pytest.approx(np.pi * 0.05**2 + 0.6 * 0.1, rel=0.01)
-    assert wall.get_fill() and not post.get_fill()
 
 
 def test_an_outline_is_filled_where_its_capsules_are(saved) -> None:

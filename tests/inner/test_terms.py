@@ -76,17 +76,17 @@ def test_every_limit_has_its_rows() -> None:
 def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan) -> None:
     assert cup_plan.solved and verdict_on(checked(cup_plan)).ok
     changes = {
-        "cup: the bar does not get deep": {"cup": {"rim": cup_plan.scene.cup.rim - 2.0}},
-        "cup clearance": {"cup": {"clearance": 0.0481}},
-        "floor": {"workspace": {"floor": 0.4}},
-        "base column": {"workspace": {"column_radius": 0.5}},
-        "palm": {"workspace": {"palm_clearance": 0.2}},
-        "landing speed": {"landing": Landing(speed_min=50.0)},
-        "landing rate": {"landing": Landing(rate_max=1e-3)},
-        "torque of joint": {"torque": Torque(limits=(1.0, 1.0, 1.0))},
+        Code.CUP_MISSED: {"cup": {"rim": cup_plan.scene.cup.rim - 2.0}},
+        Code.CUP_WALL: {"cup": {"clearance": 0.0481}},
+        Code.FLOOR: {"workspace": {"floor": 0.4}},
+        Code.COLUMN: {"workspace": {"column_radius": 0.5}},
+        Code.PALM: {"workspace": {"palm_clearance": 0.2}},
+        Code.LANDING_SPEED: {"landing": Landing(speed_min=50.0)},
+        Code.LANDING_RATE: {"landing": Landing(rate_max=1e-3)},
+        Code.TORQUE: {"torque": Torque(limits=(1.0, 1.0, 1.0))},
     }
-    for words, change in changes.items():
-        assert words in verdict_on(checked(cup_plan, **change)).words
+    for code, change in changes.items():
+        assert code in verdict_on(checked(cup_plan, **change)).codes
 
 
 # Shapes.
@@ -138,7 +138,7 @@ def test_a_scenes_torque_rate_is_kept_and_judged() -> None:
     scene = free.scene.replace(torque=Torque(rate=2000.0))
     assert measures_of(free.throw.deciding).value("rate")[0] > 20000.0
     judged = verdict_on(free.throw.deciding.in_scene(scene))
-    assert Code.TORQUE_RATE in judged.codes and "must be at most 2,000 N m/s" in judged.words
+    assert Code.TORQUE_RATE in judged.codes
     plan = tp.Planner(scene).plan(patience=20.0)
     assert plan.solved and 500.0 < measures_of(plan.throw.deciding).value("rate")[0] <= 2000.0
     # A scene that does not ask, or asks for more than there can be, has the arm's own limits.

@@ -16,16 +16,6 @@ from throwplan.planner.uncertainty import sampler_of
 from throwplan.problems import Distribution, Uncertainty
 
 
-def test_relative_is_the_same_as_absolute() -> None:
-    scene = load_scene("pose")
-    patch = scene.contact.patch_radius
-    relative = Distribution(uniform=0.2, mean=0.9, relative=True).about(patch)
-    absolute = Distribution(uniform=0.2 * patch, mean=0.9 * patch).about(patch)
-    assert relative.reach == pytest.approx(absolute.reach)
-    measured = Distribution(samples=(0.9, 1.2), relative=True).about(patch)
-    assert measured.reach == pytest.approx((0.9 * patch, 1.2 * patch))
-
-
 def sampled(section: Uncertainty, count: int, seed: int = 0):
     scene = load_scene("pose").replace(uncertainty=section)
     return sampler_of(scene, seed).draw(0, count)

@@ -294,8 +294,9 @@ def test_the_grip_is_judged_between_samples_too() -> None:
     assert Code.CARRY not in judged(enough, samples).codes
 
 
+@pytest.mark.parametrize(("kind", "size"), [("sphere", (0.02,)), ("box", (0.03, 0.05, 0.02))])
 @pytest.mark.parametrize(("room", "ok"), [(0.003, True), (-0.0005, False)])
-def test_a_fast_motion_passes_as_near_as_the_clearance(room: float, ok: bool, carry) -> None:
+def test_a_fast_motion_passes_as_near_as_the_clearance(kind, size, room, ok, carry) -> None:
     """Distances are those of the path, not of the places that bodies have every 10 ms."""
     space, samples = carry
     thing = Carried.of(space.scene)
@@ -304,7 +305,8 @@ def test_a_fast_motion_passes_as_near_as_the_clearance(room: float, ok: bool, ca
     (end, _), *_ = thing.capsules
     tip = frames[-1].point(end[1])[0][fastest]
     place = tip + 0.1 * frames[-1].axes[fastest, :, 1]
-    post = Obstacle("post", "sphere", (0.02,), tuple(place.tolist()))
+    turn = (0.4, 0.6) if kind == "box" else (0.0, 0.0)
+    post = Obstacle("post", kind, size, tuple(place.tolist()), *turn)
     (axis, radius), *_ = thing.placed(frames[-1])
     away = Solid.of(post).distance(*axis).min() - radius
     post = dataclasses.replace(post, clearance=float(away - room))
