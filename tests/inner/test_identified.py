@@ -143,6 +143,15 @@ def test_throws_of_a_condition_are_left_out_together() -> None:
         assert found[bar::2] == pytest.approx(off @ [1.0, 0.13], abs=2e-4)
 
 
+def test_noise_that_is_said_too_small_is_taken_from_the_throws() -> None:
+    data = made(20)
+    shared = dataclasses.replace(data.shared, position_noise=NOISE[0] / 5, angle_noise=NOISE[1] / 5)
+    known, said = (
+        identify(each, "sp").posterior for each in (data, dataclasses.replace(data, shared=shared))
+    )
+    assert said.product_deviation == pytest.approx(known.product_deviation, rel=0.3)
+
+
 def test_a_prior_pulls() -> None:
     data = made(4, noise=(0.05, 0.5))
     names = ("friction", "patch_radius")

@@ -262,6 +262,25 @@ def test_limits_of_joints_tool_and_torques_are_found() -> None:
     assert Code.TORQUE_RATE in judged(rate, turning(0.1)).codes
 
 
+def test_limits_that_are_broken_for_a_moment_are_found() -> None:
+    """The torque's with its margin; column's and floor's between the extremes of a swing."""
+    scene, swing = tp.load_scene("pose"), Samples(*states("pose", 1e-3 * np.arange(300)))
+    weak = judged(varied(scene, {"torque": (1e-3,) * 7}), swing).broken
+    peaks = [1e-3 * f.value / 0.95 for f in weak if f.code is Code.TORQUE]
+    strong = varied(scene, {"torque": tuple(peaks), "torque_rate": None}, torque=None)
+    for margin, broken in ((0.0, False), (0.1, True)):
+        found = judged(strong.replace(torque=tp.Torque(margin=margin)), swing).codes
+        assert (Code.TORQUE in found) == broken
+    space = space_of(scene)
+    pads = space.spatial.pads(*swing.rows)
+    away, height = space.column_distance(pads, 0.0, 5.0), pads.pose[:, 2, 3] - 0.3
+    for code, key, values in ((Code.COLUMN, "column_radius", away), (Code.FLOOR, "floor", height)):
+        middle = {key: float(values.min() + values.max()) / 2, "column_height": 5.0}
+        assert code in judged(varied(scene, workspace=middle), swing).codes
+    near = {"column_radius": float(away.min()) - 0.01, "column_height": 5.0}
+    assert Code.COLUMN not in judged(varied(scene, workspace=near), swing).codes
+
+
 # Between samples.
 
 
