@@ -12,7 +12,7 @@ import throwplan as tp
 from throwplan.models import Trajectory, held_wrench
 from throwplan.models.robot import PlanarHand, hand_motion
 from throwplan.planner.throw import TICK, Manipulator, Samples, Throw, excesses, make_manipulator
-from throwplan.planner.throw.loads import load_torques
+from throwplan.planner.throw.loads import load_torques, torque_uses
 from throwplan.planner.throw.manipulator import HandError
 from throwplan.planner.verdict import Code, measures_of, verdict_on
 
@@ -53,6 +53,10 @@ def test_torques_are_those_of_the_motion_that_drives_the_joints(plan_of) -> None
     assert Code.TORQUE not in verdict_on(throw, sent=throw).codes
     assert Code.TORQUE in verdict_on(throw, sent=throw, driven=driven).codes
     assert Code.TORQUE not in verdict_on(throw, sent=driven).codes
+    for late in (-0.2, 0.0):
+        other = throw.delayed(late)
+        uses = torque_uses(other.scene, other.manipulator, other.path, other.opening_time)
+        assert measures_of(other).torque[0][0, :3] == pytest.approx(uses.max(axis=0), rel=1e-6)
 
 
 def test_grip_use_of_a_lifted_level_bar_by_hand() -> None:

@@ -146,3 +146,16 @@ def test_a_scenes_torque_rate_is_kept_and_judged() -> None:
     loose = free.scene.replace(torque=Torque(rate=1e6))
     assert (make_manipulator(loose).hard.jerk == own).all()
     assert (make_manipulator(scene).hard.jerk < 0.1 * own).all()
+
+
+@pytest.mark.parametrize("name", ["speed_min", "speed_max", "rate_max"])
+def test_bounds_of_the_landing_change_the_throw(name: str, plan_of) -> None:
+    def value(plan: tp.Plan) -> float:
+        end = plan.throw.deciding.landing.state
+        return abs(end.omega) if name == "rate_max" else math.hypot(end.v_x, end.v_z)
+
+    free, share = plan_of("hand-flip"), 1.1 if name == "speed_min" else 0.9
+    bound = share * value(free)
+    plan = tp.plan(free.scene.replace(landing=Landing(**{name: bound})))
+    assert plan.solved, plan.message
+    assert (value(plan) - bound) * (share - 1.0) >= 0.0

@@ -29,6 +29,9 @@ def test_samples_follow_their_laws() -> None:
     )
     delay, friction, mass = sampled(section, 4096).T
     assert stats.kstest(delay, stats.uniform(-0.008, 0.02).cdf).statistic < 0.002
+    # The command goes out early by the mean.
+    scene = load_scene("pose").replace(uncertainty=section)
+    assert sampler_of(scene, 0).openings(scene)[:2] == pytest.approx((-0.01, 0.01))
     assert stats.kstest(friction, stats.norm(1.0, 0.1).cdf).statistic < 0.002
     assert np.mean(mass == 0.3) == pytest.approx(1 / 3, abs=1e-3)
     assert set(mass) == {0.2, 0.3}
