@@ -111,17 +111,16 @@ def clearance(scene: Any, plane: Plane, bar: Bar, flight: Flight) -> float:
     if not len(com):
         return -math.inf
     found, rim = math.inf, walls.rim
-    for capsule in bar.capsules:
-        ends = [walls.local(plane.points(*end.T)) for end in capsule.placed(com)]
-        share = np.linspace(0.0, 1.0, ALONG)[:, None, None]
-        axis = ends[0] + share * (ends[1] - ends[0])
-        room = walls.room(axis) - capsule.radius
-        found = min(found, room[axis[..., 2] <= 0.0].min(initial=math.inf))
-        away = shapes.to_segment(rim, ends[0][:, None], ends[1][:, None]) - capsule.radius
+    for axis, radius in bar.axes(com, plane) if bar.capsules else ():
+        ends = [walls.local(end) for end in axis]
+        along = ends[0] + np.linspace(0.0, 1.0, ALONG)[:, None, None] * (ends[1] - ends[0])
+        room = walls.room(along) - radius
+        found = min(found, room[along[..., 2] <= 0.0].min(initial=math.inf))
+        away = shapes.to_segment(rim, ends[0][:, None], ends[1][:, None]) - radius
         found = min(found, float(away.min()))
     if bar.capsules:
         return found
-    flat, left = bar.outline(com), plane.ways[1]
+    flat, left = bar.parts[0].placed(com), plane.ways[1]
     faces = [plane.points(flat[..., 0], flat[..., 1]) + side * bar.half * left for side in (-1, 1)]
     corners = walls.local(np.concatenate(faces, axis=1))
     below = corners[..., 2] <= 0.0

@@ -65,31 +65,33 @@ def at_least(value: Any, limit: Any, scale: float = 1.0, known: float = 0.0) -> 
 
 
 @dataclass(frozen=True)
-class Capsule:
-    """A capsule: both ends (2, 2) [m] along and across the object's axis from the CoM, radius."""
+class Part:
+    """A part of an object: corners (m, 2) [m] counter-clockwise, along and across its axis from the
+    CoM, and a radius [m] around them."""
 
-    ends: Array
-    radius: float
+    corners: Array
+    radius: float = 0.0
 
-    def placed(self, com: Array) -> tuple[Array, Array]:
-        """Both ends (K, 2) [m] for CoM poses (K, 3)."""
-        turn = np.exp(1j * com[:, 2])
-        at = (com[:, 0] + 1j * com[:, 1])[:, None] + turn[:, None] * (self.ends @ [1, 1j])
-        first, last = (np.column_stack([at[:, i].real, at[:, i].imag]) for i in (0, 1))
-        return first, last
+    def placed(self, com: Array) -> Array:
+        """Corners (K, m, 2) [m] for CoM poses (K, 3)."""
+        return shapes.placed(self.corners, com)
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar: distances of its ends from the CoM, half width, grasp angle and offset h; capsules of
-    an object with an outline, whose half width is that of the rectangle around it."""
+    """A bar: distances of its ends from the CoM, half width, grasp angle and offset h, and its one
+    part; or the capsules of an outline, whose half width is that of the rectangle around them."""
 
     first: float
     last: float
     half: float
     angle: float
     offset: float
-    capsules: tuple[Capsule, ...] = ()
+    capsules: tuple[Part, ...] = ()
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return self.capsules or (Part(shapes.rectangle(self.first, self.last, self.half)),)
 
     @property
     def reach(self) -> float:
@@ -101,69 +103,39 @@ class Bar:
         x, z = pose[:, 0] + self.offset * np.cos(theta), pose[:, 1] + self.offset * np.sin(theta)
         return np.column_stack([x, z, theta])
 
-    def outline(self, com: Array) -> Array:
-        return shapes.outline(com, self.first, self.last, self.half)
-
     def axes(self, com: Array, plane: Plane) -> list[tuple[list[Array], float]]:
         """Both ends (K, 3) in the base frame of the axes of bar or capsules, and radii around."""
-        if self.capsules:
-            return [
-                ([plane.points(*end.T) for end in part.placed(com)], part.radius)
-                for part in self.capsules
-            ]
-        c, s = np.cos(com[:, 2]), np.sin(com[:, 2])
-        ends = [plane.points(com[:, 0] + e * c, com[:, 1] + e * s) for e in (self.first, self.last)]
-        return [(ends, self.half * math.sqrt(2))]
+        middle = Part(shapes.rectangle(self.first, self.last, 0.0)[:2], self.half * math.sqrt(2))
+        return [
+            ([plane.points(*end.T) for end in part.placed(com).transpose(1, 0, 2)], part.radius)
+            for part in self.capsules or (middle,)
+        ]
 
     def lowest(self, com: Array) -> Array:
         """Height (K,) of the lowest point."""
-        if not self.capsules:
-            return np.asarray(self.outline(com)[..., 1].min(axis=1))
-        each = [np.minimum(*(end[:, 1] for end in c.placed(com))) - c.radius for c in self.capsules]
+        each = [part.placed(com)[..., 1].min(axis=1) - part.radius for part in self.parts]
         return np.asarray(np.min(each, axis=0))
 
     def highest(self, com: Array) -> Array:
         """Height (K,) of the highest point."""
-        if not self.capsules:
-            return np.asarray(self.outline(com)[..., 1].max(axis=1))
-        each = [np.maximum(*(end[:, 1] for end in c.placed(com))) + c.radius for c in self.capsules]
+        each = [part.placed(com)[..., 1].max(axis=1) + part.radius for part in self.parts]
         return np.asarray(np.max(each, axis=0))
 
     def from_column(self, com: Array, radius: float, height: float) -> float:
-        """Least of max(|x| - radius, z - height) on the outline."""
-        if not self.capsules:
-            return float(shapes.from_column(self.outline(com), radius, height).min())
-        # A capsule's axis as an outline without width.
-        away = [
-            shapes.from_column(np.stack([*c.placed(com)] * 2, axis=1), radius, height) - c.radius
-            for c in self.capsules
-        ]
-        return float(np.min(away))
+        """Least of max(|x| - radius, z - height)."""
+        away = (
+            shapes.from_column(part.placed(com), radius, height).min() - part.radius
+            for part in self.parts
+        )
+        return float(min(away))
 
     def from_palm(self, com: Array, palm: Array) -> float:
         """Distance from the palm's outlines (K, 4, 2), below 0 inside."""
-        if not self.capsules:
-            return float(shapes.between_outlines(self.outline(com), palm).min(initial=math.inf))
-        found, edges = math.inf, (palm[:, None], np.roll(palm, -1, axis=1)[:, None])
-        for capsule in self.capsules:
-            first, last = capsule.placed(com)
-            axis = np.broadcast_arrays(first[:, None, None], last[:, None, None], *edges)
-            away = shapes.between_segments(*axis).min(axis=(1, 2))
-            away = np.where(shapes.inside(first, palm), 0.0, away) - capsule.radius
-            found = min(found, away.min(initial=math.inf))
-        return float(found)
-
-    def cup_room(self, com: Array, middle: Array, rim: float, radius: float) -> float:
-        """Least distance of what is below the rim from a cup's wall, and of all from its rim."""
-        found, edges = math.inf, [(middle + r, np.full(len(com), rim)) for r in (-radius, radius)]
-        for capsule in self.capsules:
-            ends = capsule.placed(com)
-            for end in ends:
-                wall = radius - np.abs(end[:, 0] - middle) - capsule.radius
-                found = min(found, wall[end[:, 1] <= rim].min(initial=math.inf))
-            away = [shapes.to_segment(np.column_stack(edge), *ends) for edge in edges]
-            found = min(found, float(np.min(away)) - capsule.radius)
-        return float(found)
+        away = (
+            shapes.between_outlines(part.placed(com), palm).min(initial=math.inf) - part.radius
+            for part in self.parts
+        )
+        return float(min(away))
 
 
 @dataclass(frozen=True)
@@ -431,14 +403,15 @@ class Around:
         end = brentq(lambda t: depth(t)[0] - cup.insertion, times[last - 1], times[last])
         since = np.linspace(begin, end, WAY_IN)
         middle = cup.x + self.speed * (flight.begins + since)
-        if bar.capsules:
-            return bar.cup_room(flight.at(since), middle, cup.rim, cup.radius)
-        corners = bar.outline(flight.at(since))
-        # The bar's thickness equals its width: a round cup is narrower off its middle.
-        half = math.sqrt(cup.radius**2 - bar.half**2)
-        wall = half - np.abs(corners[..., 0] - middle[:, None])
-        found = wall[corners[..., 1] <= cup.rim].min(initial=math.inf)
-        for side in (-half, half):
-            rim = np.column_stack([middle + side, np.full(since.size, cup.rim)])
-            found = min(found, shapes.from_outline(rim, corners).min())
+        # A bar's thickness equals its width: a round cup is narrower off its middle.
+        half = math.sqrt(cup.radius**2 - (0.0 if bar.capsules else bar.half) ** 2)
+        found = math.inf
+        for part in bar.parts:
+            corners = part.placed(flight.at(since))
+            wall = (half - np.abs(corners[..., 0] - middle[:, None]))[corners[..., 1] <= cup.rim]
+            rims = (np.column_stack([middle + x, 0 * since + cup.rim]) for x in (-half, half))
+            away = [shapes.from_outline(rim, corners).min() for rim in rims]
+            found = min(
+                found, wall.min(initial=math.inf) - part.radius, *np.subtract(away, part.radius)
+            )
         return float(found)

@@ -17,7 +17,7 @@ from . import shapes
 from .clearance import LANDS, Flight, Solid, may_overlap, solids_of
 from .files import columns_of
 from .judge import Judged, Oracle, joint_limits
-from .motion import TICK, Array, Frame, Plane, Samples, frames_of, link_inertia, quintics
+from .motion import TICK, Array, Curve, Frame, Plane, Samples, frames_of, joint_torque, quintics
 
 #: Largest landing error (position [m], angle [rad]) beyond the scene's tolerance.
 LANDING = 2e-4, math.radians(0.05)
@@ -31,8 +31,6 @@ COLUMN_NEAR = 1e-3
 WAITING = 0.01
 #: Distance [samples] of the instants at which distances are measured.
 EVERY = 2
-#: Step [s] of the differences that give the object's acceleration.
-STEP = 1e-4
 #: Allowed excess over the grip, which the planner takes at the samples and between two.
 GRIP_EXCESS = 2e-3
 #: Number of points along an axis at which it is compared with the base column.
@@ -285,10 +283,11 @@ class _CycleJudge:
         force across l; v = 1 - l is left for friction, on a patch smaller by v / (v - t).
         """
         times = TICK * (np.arange(rows.start, rows.stop - 1) + 0.5)
-        force, torque, axes = self._wrench(scene, thing, times)
+        pads = frames_of(self.arm, *Curve(self.between).at(times))[-1]
+        force, torque = np.split(_load(scene, thing, pads), 2, axis=1)
         contact, gripper = scene.contact, scene.gripper
         full = contact.faces * (gripper.forces[0] if gripper.force is None else gripper.force)
-        normal = axes[:, :, 1]
+        normal = pads.axes[:, :, 1]
         across, twist = (force * normal).sum(axis=1), (torque * normal).sum(axis=1)
         slide = np.linalg.norm(force - across[:, None] * normal, axis=1)
         tilt = np.linalg.norm(torque - twist[:, None] * normal, axis=1)
@@ -302,28 +301,6 @@ class _CycleJudge:
             k = int((used - left).argmax())
             yield f"grip at {times[k]:.4f} s: {used[k]:.4f} of {left[k]:.4f}"
 
-    def _wrench(self, scene: Any, thing: Carried, t: Array) -> tuple[Array, Array, Array]:
-        """Force [N] and torque [N m] about the pads' centre, (K, 3), that the hand gives, and the
-        pads' axes: by differences of the object's places and angular momenta."""
-        still = 0.0 * self.between(t)
-        pads = [
-            frames_of(self.arm, self.between(t + share * STEP), still, still)[-1]
-            for share in (-1.0, -0.5, 0.0, 0.5, 1.0)
-        ]
-        com = [pads[k].point(thing.com)[0] for k in (0, 2, 4)]
-        force = scene.object.mass * (com[0] - 2 * com[1] + com[2]) / STEP**2
-        force[:, 2] += scene.object.mass * scene.gravity
-        momenta = []
-        for k in (0, 2):
-            turn = pads[k + 2].axes @ pads[k].axes.transpose(0, 2, 1)
-            skew = (turn - turn.transpose(0, 2, 1)) / (2 * STEP)
-            omega = np.column_stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]])
-            axes = pads[k + 1].axes
-            inertia = axes @ thing.inertia @ axes.transpose(0, 2, 1)
-            momenta.append((inertia @ omega[..., None])[..., 0])
-        torque = (momenta[1] - momenta[0]) / STEP + np.cross(com[1] - pads[2].origin, force)
-        return force, torque, pads[2].axes
-
     def _loads(self, scene: Any, rows: slice, load: Array) -> Iterator[str]:
         """Tool speed and torques; load (K, 6): force and torque at the pads."""
         arm, frames = self.arm, [_rows(frame, rows) for frame in self.frames]
@@ -335,9 +312,11 @@ class _CycleJudge:
             yield f"tool speed {speed.max():.4f}"
         if not arm.links:
             return
-        torques = np.column_stack(
-            [_torque(arm, frames, j, scene.gravity, load) for j in range(arm.joints)]
-        )
+        torques = np.empty((len(load), arm.joints))
+        for j, joint in enumerate(frames[1 : arm.joints + 1]):
+            moment = load[:, 3:] + np.cross(pads.origin - joint.origin, load[:, :3])
+            torques[:, j] = joint_torque(arm, frames, j, scene.gravity)
+            torques[:, j] += (joint.axes[:, :, 2] * moment).sum(axis=1)
         limits, section = np.array(arm.limits.torque), scene.torque
         throwing = np.array(scene.robot.throwing_joints or arm.throwing_joints) - 1
         margin, most_rate = arm.limits.torque_margin, arm.limits.torque_rate
@@ -412,16 +391,3 @@ def _load(scene: Any, thing: Carried, pads: Frame) -> Array:
     force = scene.object.mass * (a + np.array([0.0, 0.0, scene.gravity]))
     torque = pads.moment(thing.inertia) + np.cross(place - pads.origin, force)
     return np.hstack([force, torque])
-
-
-def _torque(arm: Any, frames: list[Frame], j: int, gravity: float, load: Array) -> Array:
-    """Torque (K,) [N m] of joint j, counted from 0."""
-    pads, joint = frames[-1], frames[j + 1]
-    axis, total = joint.axes[:, :, 2], np.zeros(len(load))
-    for frame, link in zip(frames[j + 1 : -1], arm.links[j:], strict=True):
-        place, _, a = frame.point(link.com)
-        push = link.mass * (a + np.array([0.0, 0.0, gravity]))
-        moment = frame.moment(link_inertia(link)) + np.cross(place - joint.origin, push)
-        total += (axis * moment).sum(axis=1)
-    moment = load[:, 3:] + np.cross(pads.origin - joint.origin, load[:, :3])
-    return np.asarray(total + (axis * moment).sum(axis=1))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .clearance import Around, Bar, Capsule, Flight, Found, at_least, at_most
+from .clearance import Around, Bar, Flight, Found, Part, at_least, at_most
 from .motion import TICK, ArmMotion, Array, HandMotion, Samples
 from .release import Held, Released, released
 
@@ -208,7 +208,7 @@ class Oracle:
         whole, com = self.scene.object, float(c["com_offset"]) + self.scene.grasp.offset
         sizes = -com, whole.length - com, whole.width / 2
         parts = tuple(
-            Capsule(np.array([part.begin, part.end]) - [com, 0.0], part.radius)
+            Part(np.array([part.begin, part.end]) - [com, 0.0], part.radius)
             for part in whole.outline
         )
         return Bar(*sizes, float(held.angle[i]), float(held.offset[i]), parts)

@@ -209,16 +209,9 @@ class ArmMotion:
         frames, (along, left) = self.frames(t), self.plane.ways
         empty, lever = [], []
         for joint in self.throwing:
-            turning, total = frames[joint + 1], np.zeros(t.size)
-            axis = turning.axes[:, :, 2]
-            for frame, link in zip(frames[joint + 1 : -1], self.arm.links[joint:], strict=True):
-                place, _, a = frame.point(link.com)
-                moment = frame.moment(link_inertia(link))
-                moves = np.cross(axis, place - turning.origin)
-                force = link.mass * (a + np.array([0.0, 0.0, gravity]))
-                total += (axis * moment + moves * force).sum(axis=1)
-            moves = np.cross(axis, frames[-1].origin - turning.origin)
-            empty.append(total)
+            axis = frames[joint + 1].axes[:, :, 2]
+            moves = np.cross(axis, frames[-1].origin - frames[joint + 1].origin)
+            empty.append(joint_torque(self.arm, frames, joint, gravity))
             lever.append(np.column_stack([moves @ along, moves[:, 2], -axis @ left]))
         return np.array(empty).T, np.array(lever).transpose(1, 0, 2)
 
@@ -233,10 +226,17 @@ class ArmMotion:
         return np.array(ends).reshape(-1, 2, t.size, 3)
 
 
-def link_inertia(link: Any) -> Array:
-    """Inertia (3, 3) [kg m^2] of a link about its CoM, in its frame."""
-    xx, xy, xz, yy, yz, zz = link.inertia
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+def joint_torque(arm: Any, frames: list[Frame], j: int, gravity: float) -> Array:
+    """Torque (K,) [N m] of joint j, counted from 0, that moves and bears the links after it."""
+    joint, total = frames[j + 1], np.zeros(len(frames[0].origin))
+    for frame, link in zip(frames[j + 1 : -1], arm.links[j:], strict=True):
+        xx, xy, xz, yy, yz, zz = link.inertia
+        moment = frame.moment(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        place, _, a = frame.point(link.com)
+        force = link.mass * (a + np.array([0.0, 0.0, gravity]))
+        moment = moment + np.cross(place - joint.origin, force)
+        total += (joint.axes[:, :, 2] * moment).sum(axis=1)
+    return total
 
 
 class HandMotion:

@@ -59,17 +59,25 @@ def to_box(a: Array, b: Array, centre: Array, axes: Array, half: Array) -> Array
 
 def outline(pose: Array, first: float, last: float, half: float) -> Array:
     """Corners (K, 4, 2) in turn of rectangles along the axes of poses (K, 3)."""
-    along, across = np.array([first, last, last, first]), half * np.array([-1, -1, 1, 1])
-    c, s = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
-    return np.stack(
-        [pose[:, :1] + c * along - s * across, pose[:, 1:2] + s * along + c * across], 2
-    )
+    return placed(rectangle(first, last, half), pose)
+
+
+def rectangle(first: float, last: float, half: float) -> Array:
+    """Corners (4, 2) in turn, along and across an axis."""
+    return np.array([[first, -half], [last, -half], [last, half], [first, half]])
+
+
+def placed(corners: Array, pose: Array) -> Array:
+    """Corners (K, m, 2), given along and across the axes of poses (K, 3)."""
+    (along, across), c, s = corners.T, np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
+    x, z = c * along - s * across, s * along + c * across
+    return np.stack([pose[:, :1] + x, pose[:, 1:2] + z], 2)
 
 
 def inside(p: Array, corners: Array) -> Array:
     """Whether points (K, 2) are inside outlines (K, 4, 2) that go counter-clockwise."""
     edge, to = np.roll(corners, -1, axis=1) - corners, p[:, None] - corners
-    return np.asarray((edge[..., 0] * to[..., 1] - edge[..., 1] * to[..., 0] >= 0).all(axis=1))
+    return np.asarray((edge[..., 0] * to[..., 1] - edge[..., 1] * to[..., 0] > 0).all(axis=1))
 
 
 def from_outline(p: Array, corners: Array) -> Array:
@@ -82,9 +90,10 @@ def beyond_edges(one: Array, other: Array) -> Array:
     """How far (K,) outlines (K, 4, 2) are apart along the normals of the first one's edges."""
     edge = np.roll(one, -1, axis=1) - one
     normal = np.stack([edge[..., 1], -edge[..., 0]], axis=2)
-    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    size = np.linalg.norm(normal, axis=2)
+    normal /= np.maximum(size, 1e-300)[..., None]
     along = np.einsum("kec,kpc->kep", normal, other) - (normal * one).sum(axis=2)[..., None]
-    return np.asarray(along.min(axis=2).max(axis=1))
+    return np.where(size > 0.0, along.min(axis=2), -np.inf).max(axis=1)
 
 
 def between_outlines(one: Array, other: Array) -> Array:

@@ -1,7 +1,4 @@
-"""Headless Chromium over its DevTools protocol, for tests of pages.
-
-`python tests/browser.py ADDRESS FILE` writes a picture of a page.
-"""
+"""`python tests/browser.py ADDRESS FILE` writes a picture of a page, by headless Chromium."""
 
 from __future__ import annotations
 
@@ -22,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from PIL import Image
 from websockets.sync.client import connect
 
@@ -31,36 +27,18 @@ BROWSER = next(
 )
 
 
-needs_browser = pytest.mark.skipif(
-    BROWSER is None, reason="no chromium, chromium-browser or google-chrome here"
-)
-
-
 class Page:
     """A page that is open in the browser."""
 
     def __init__(self, devtools: Any) -> None:
         self._devtools = devtools
-        self._events: list[dict[str, Any]] = []
 
     def call(self, method: str, **values: Any) -> dict[str, Any]:
         """What a method of the DevTools protocol answers; empty where it fails."""
         self._devtools.send(json.dumps({"id": 1, "method": method, "params": values}))
         while (answer := json.loads(self._devtools.recv(timeout=60))).get("id") != 1:
-            self._events.append(answer)
+            pass
         return answer.get("result", {})
-
-    def open(self, address: str, width: int, height: int = 800) -> list[dict[str, Any]]:
-        """Loads another page at a size [px]: requests, log and exceptions until it is loaded."""
-        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
-        self.call("Emulation.setDeviceMetricsOverride", **size)
-        for domain in ("Page", "Runtime", "Log", "Network"):
-            self.call(f"{domain}.enable")
-        self._events = []
-        self.call("Page.navigate", url=address)
-        while all(event["method"] != "Page.loadEventFired" for event in self._events):
-            self._events.append(json.loads(self._devtools.recv(timeout=60)))
-        return self._events
 
     def picture(self) -> np.ndarray:
         """(height, width, 3) of 0 to 1, black where there is none yet."""
@@ -74,11 +52,6 @@ class Page:
         """What a line of JavaScript comes to."""
         answer = self.call("Runtime.evaluate", expression=script, returnByValue=True)
         return answer.get("result", {}).get("value")
-
-    def type(self, text: str) -> None:
-        """Types where the focus is, and leaves it."""
-        self.call("Input.insertText", text=text)
-        self.value("document.activeElement.blur()")
 
 
 @contextmanager

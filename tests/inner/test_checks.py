@@ -1,10 +1,10 @@
-"""The check behind `solved` sees what is broken."""
+"""Fails if the check behind `solved` misses a peak of grip, torque, torque rate or joint rates, or
+a throw that grazes its target's height or flies into the palm."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ import throwplan as tp
 from throwplan.models import Trajectory, held_wrench
 from throwplan.models.robot import PlanarHand, hand_motion
 from throwplan.planner.throw import TICK, Manipulator, Samples, Throw, excesses, make_manipulator
-from throwplan.planner.throw.loads import load_torques
+from throwplan.planner.throw.loads import load_torques, torque_uses
 from throwplan.planner.throw.manipulator import HandError
 from throwplan.planner.verdict import Code, measures_of, verdict_on
 
@@ -32,7 +32,7 @@ def grip_of(throw: Throw) -> float:
     return float(measures_of(throw).value("grip")[0])
 
 
-@pytest.mark.parametrize(("below", "grazes"), [(1e-9, True), (1e-5, True), (1e-4, False)])
+@pytest.mark.parametrize(("below", "grazes"), [(1e-5, True), (1e-4, False)])
 def test_a_throw_whose_top_is_the_targets_height_is_not_taken(below, grazes, plan_of) -> None:
     """Where it lands depends on micrometres there: at 0.02 m/s down it is 20 um below the top."""
     plan = plan_of("hand-flip")
@@ -53,6 +53,10 @@ def test_torques_are_those_of_the_motion_that_drives_the_joints(plan_of) -> None
     assert Code.TORQUE not in verdict_on(throw, sent=throw).codes
     assert Code.TORQUE in verdict_on(throw, sent=throw, driven=driven).codes
     assert Code.TORQUE not in verdict_on(throw, sent=driven).codes
+    for late in (-0.2, 0.0):
+        other = throw.delayed(late)
+        uses = torque_uses(other.scene, other.manipulator, other.path, other.opening_time)
+        assert measures_of(other).torque[0][0, :3] == pytest.approx(uses.max(axis=0), rel=1e-6)
 
 
 def test_grip_use_of_a_lifted_level_bar_by_hand() -> None:
@@ -110,14 +114,6 @@ def test_the_torque_rate_is_that_of_the_commands_from_tick_to_tick(opening, loud
         assert measures_of(other).value("rate")[0] == pytest.approx(rate, rel=1e-6)
 
 
-def test_torques_are_measured_of_a_throw_that_never_lands(loud_plan_of) -> None:
-    throw = loud_plan_of("pose").throw.deciding
-    high = throw.in_scene(throw.scene.aimed_at(throw.target.changed(z=50.0)))
-    assert not high.lands
-    low, up = (measures_of(each).torque[0] for each in (throw, high))
-    np.testing.assert_allclose(low, up)
-
-
 def test_a_bar_that_flies_into_the_palm_breaks_a_clearance_of_zero(loud_planner_of) -> None:
     """A hand that turns faster than planned from the opening on runs into the bar."""
     plan = loud_planner_of("pose").plan(tp.Pose(x=0.6, z=0.1, theta=3.0))
@@ -130,15 +126,14 @@ def test_a_bar_that_flies_into_the_palm_breaks_a_clearance_of_zero(loud_planner_
     assert 0 < sum(hits) < len(hits)
 
 
-def test_a_checked_throw_goes_to_another_process(cup_plan: tp.Plan) -> None:
-    """What it has of this process's memory stays behind."""
-    throw = dataclasses.replace(cup_plan.throw.deciding)
-    assert verdict_on(throw).ok
-    sent = dataclasses.replace(pickle.loads(pickle.dumps(throw)))
-    np.testing.assert_array_equal(measures_of(sent).rows, measures_of(throw).rows)
+def test_a_position_beyond_its_limit_is_named() -> None:
+    panda = make_manipulator(tp.load_scene("pose"))
+    out = np.tile([1.9, -1.5, 1.5], (50, 1))
+    found = excesses(panda, Samples(out, 0 * out, 0 * out))
+    assert [(one.joint, one.kind) for one in found] == [("joint 2", "position")]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_what_is_beyond_a_limit_is_the_worst_of_samples_and_differences(seed: int) -> None:
     manipulator, rng = make_manipulator(tp.load_scene("fr3")), np.random.default_rng(seed)
     limits = manipulator.hard

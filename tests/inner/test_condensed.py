@@ -1,4 +1,4 @@
-"""Steps of the condensed NLP: inside all limits, at the target or as near as these allow."""
+"""Fails if a step of the condensed NLP leaves its limits or stops short of what these allow."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The order of picks, against all orders."""
+"""Fails if some order of picks that hits nothing is faster than the one found."""
 
 from __future__ import annotations
 

@@ -1,14 +1,13 @@
-"""The Franka Research 3: velocity limits that depend on the position."""
+"""Fails if a throw of the FR3 breaks libfranka's velocity limits, which depend on the position, or
+stays below them where they bind."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 import pytest
 import throwplan as tp
 from builders import loud, varied
-from throwplan.planner.throw import Samples, excesses, make_manipulator
+from throwplan.planner.throw import excesses, make_manipulator
 
 
 def fr3_velocity(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -51,9 +50,8 @@ def fr3_planner(fr3):
     return tp.Planner(fr3)
 
 
-#: A throw backwards over the base, joint 4 fast near the end of its range; two more.
+#: A throw backwards over the base, joint 4 fast near the end of its range.
 NEAR_THE_END = tp.Pose(x=-1.75, z=0.1, theta=4.1)
-FR3_TARGETS = [NEAR_THE_END, tp.Pose(x=-0.592, z=0.1, theta=0.657), None]
 
 
 def test_shipped_limits_are_libfrankas(fr3):
@@ -63,17 +61,6 @@ def test_shipped_limits_are_libfrankas(fr3):
         np.testing.assert_allclose(found, expected, atol=1e-12)
     planned = manipulator.planning.velocity(q)[1]
     np.testing.assert_allclose(planned, 0.99 * fr3_velocity(q)[1], atol=1e-12)
-
-
-@pytest.mark.parametrize("target", FR3_TARGETS, ids=str)
-def test_every_sample_keeps_the_velocity_limits(fr3_planner, target):
-    plan = fr3_planner.plan(target)
-    assert plan.solved
-    position, angle = plan.error_sent()
-    assert abs(position) < 0.002 and abs(angle) < math.radians(0.5)
-    samples = plan.throw.samples
-    assert_kept(samples.q, samples.dq)
-    assert np.abs(samples.dq[-1]).max() == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_limits_bind_near_a_joints_end(fr3, fr3_planner):
@@ -88,23 +75,13 @@ def test_the_limits_bind_near_a_joints_end(fr3, fr3_planner):
     assert broken and set(broken) == {"velocity"}
 
     samples = fr3_planner.plan(NEAR_THE_END).throw.samples
+    assert_kept(samples.q, samples.dq)
     _, high = fr3_velocity(samples.q)
     # Where the limit has fallen by a tenth or more, joint 4 uses all but the 1 % kept back at the
     # nodes of the opening, and between them some of that.
     slower = (high[:, 1] < 0.9 * 2.62) & (high[:, 1] > 0.5)
     used = samples.dq[slower, 1] / high[slower, 1]
     assert 0.985 < used.max() <= 1.0
-
-
-@pytest.mark.parametrize("slowing", [True, False])
-def test_a_sample_over_the_curve_is_named(fr3, slowing):
-    """Joint 4 at a steady 2 rad/s to 0.15 rad before its end: under 2.62, over the curve."""
-    manipulator = make_manipulator(fr3 if slowing else without_slowing(fr3))
-    ticks = np.arange(300)[:, None]
-    q = np.array([0.0, -0.9, 2.0]) + 0.001 * ticks * np.array([0.0, 2.0, 0.0])
-    dq = np.tile([0.0, 2.0, 0.0], (300, 1))
-    broken = [(one.joint, one.kind) for one in excesses(manipulator, Samples(q, dq, 0.0 * q))]
-    assert broken == ([("joint 4", "velocity")] if slowing else [])
 
 
 def test_releases_keep_the_limits_at_both_ends_of_the_opening(fr3_planner, fr3):

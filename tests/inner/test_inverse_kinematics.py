@@ -1,4 +1,5 @@
-"""Joints of hand poses: the frames of the arm are where they were asked for."""
+"""Fails if inverse kinematics puts the pads elsewhere than asked, breaks a limit, misses a pose in
+reach, or takes a pick in another posture than that of throws."""
 
 from __future__ import annotations
 
@@ -10,11 +11,13 @@ import numpy as np
 import pytest
 import throwplan as tp
 from adam.numpy import KinDynComputations
+from job_lists import ONE
 from throwplan.cycles import HandPose, inverse_kinematics
+from throwplan.cycles.job_files import load_jobs
+from throwplan.cycles.planning import with_joints
 from throwplan.planner.throw import Samples, make_manipulator
 from throwplan.planner.verdict import SpatialScene, motion_verdict
 
-ARMS = ["pose", "fr3", "gen3", "iiwa14", "ur5e", "xarm7"]
 MARGIN = 0.05
 
 
@@ -66,29 +69,30 @@ def check_pose(space: SpatialScene, q: np.ndarray, place: np.ndarray, turn: floa
     assert is_clear(space, q)
 
 
-def count_found(name: str, count: int) -> int:
-    """How many of the reachable poses are found, from one seed for all."""
-    space, found, seed = space_of(name), 0, None
-    for place, turn, q in reachable(name, count):
-        seed = q if seed is None else seed
-        try:
-            joints = inverse_kinematics(space, HandPose(place.tolist(), turn), seed.tolist())
-        except tp.InputError:
-            continue
-        check_pose(space, joints, place, turn)
-        found += 1
-    return found
-
-
 @pytest.mark.parametrize("name", ["pose", "ur5e"])
 def test_reachable_poses_are_found(name: str) -> None:
-    assert count_found(name, 8) == 8
+    """All from one seed."""
+    space, seed = space_of(name), None
+    for place, turn, q in reachable(name, 8):
+        seed = q if seed is None else seed
+        joints = inverse_kinematics(space, HandPose(place.tolist(), turn), seed.tolist())
+        check_pose(space, joints, place, turn)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ARMS)
-def test_nearly_all_reachable_poses_are_found(name: str) -> None:
-    assert count_found(name, 30) >= 29
+@pytest.mark.parametrize("name", ["ur5e", "gen3"])
+def test_a_pick_is_taken_in_the_posture_of_throws(name: str, tmp_path: Path) -> None:
+    """Joints that do not throw as in throws towards it, and the hand at -90 degrees: a shoulder
+    that turns more than once could also hold it a whole turn further."""
+    file = tmp_path / "jobs.toml"
+    file.write_text(ONE.replace('"pose"', f'"{name}"').replace("z = 0.35", "z = 0.4"))
+    jobs = with_joints(load_jobs(file))
+    arm, joints = jobs.arm, np.array(jobs.picks[0].joints)
+    kinematics = make_manipulator(tp.load_scene(name)).kinematics
+    throwing = np.array(kinematics.throwing_joints) - 1
+    aside = np.delete(joints - arm.posture, [*throwing, arm.azimuth_joint - 1])
+    assert np.abs(aside).max() < 0.2
+    angle = kinematics.theta + kinematics.link_angles(list(joints[throwing]))[-1]
+    assert angle == pytest.approx(-math.pi / 2, abs=0.2)
 
 
 def test_another_library_has_the_pads_there() -> None:
@@ -101,25 +105,7 @@ def test_another_library_has_the_pads_there() -> None:
         pads = np.asarray(adam.forward_kinematics("panda_hand_tcp", np.eye(4), q))
         assert np.abs(pads[:3, 3] - place).max() < 1e-6
         assert np.abs(pads[:3, 2] - [0.0, 0.0, -1.0]).max() < 1e-6
-        np.testing.assert_array_equal(q, inverse_kinematics(space, pose, seed))
         assert np.abs(q - seed).max() < 1.0
-
-
-def test_a_hand_in_a_throw_s_pose_is_where_the_planar_model_has_it() -> None:
-    space, azimuth, angle = space_of("pose"), 0.5, -0.6
-    place = [0.5 * math.cos(azimuth), 0.5 * math.sin(azimuth), 0.5]
-    q = inverse_kinematics(space, HandPose(place, azimuth, angle), [0.0] * 7)
-    approach = space.kinematics.arm.placed(q)[-1][:3, 2]
-    ahead = [math.cos(angle) * math.cos(azimuth), math.cos(angle) * math.sin(azimuth)]
-    np.testing.assert_allclose(approach, [*ahead, math.sin(angle)], atol=1e-8)
-
-
-def test_what_is_not_reached_is_said_in_one_line() -> None:
-    space, seed = space_of("pose"), [0.0, -0.3, 0.0, -2.2, 0.0, 1.9, 0.785]
-    for place, turn, words in (
-        ([1.3, 0.0, 0.3], 0.0, r"x = 1.3, y = 0, z = 0.3, turn_deg = 0: out of reach of panda"),
-        ([0.5, 0.0, -0.05], None, r"where panda reaches it: floor"),
-    ):
-        with pytest.raises(tp.InputError, match=words) as raised:
-            inverse_kinematics(space, HandPose(place, turn), seed)
-        assert "\n" not in str(raised.value)
+    for place in ([1.3, 0.0, 0.3], [0.5, 0.0, -0.05]):  # Out of reach; below the floor.
+        with pytest.raises(tp.InputError):
+            inverse_kinematics(space, HandPose(place, 0.0), seed)

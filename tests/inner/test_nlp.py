@@ -1,9 +1,9 @@
-"""The NLP: derivatives, consistency with the exact model, bounds."""
+"""Fails if the NLP's derivatives are not those of CasADi's whole, its landing is not that of the
+exact model, or its bounds are not the scene's."""
 
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 
 import casadi as ca
@@ -29,11 +29,7 @@ def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    ("name", "solver"),
-    [
-        *itertools.product(("hand-flip", "hand-box", "cup"), ("fatrop",)),
-        *itertools.product(("hand-box", "cup"), ("ipopt",)),
-    ],
+    ("name", "solver"), [("hand-flip", "fatrop"), ("cup", "fatrop"), ("hand-box", "ipopt")]
 )
 def test_derivatives_are_those_of_the_whole_composition(name, solver) -> None:
     """CasADi differentiates it at once, without the levels of intermediate values."""
@@ -90,10 +86,9 @@ def test_nlps_that_share_functions_are_those_built_alone() -> None:
     assert least <= 2
 
 
-@pytest.mark.parametrize("name", ["hand-flip", pytest.param("pose", marks=pytest.mark.slow)])
-def test_collocation_lands_where_runge_kutta_does(name: str) -> None:
+def test_collocation_lands_where_runge_kutta_does() -> None:
     """Another integrator of the same smooth law, in 4000 steps along the same hand motion."""
-    coarse, fine = (collocation_error(tp.load_scene(name), opening) for opening in (8, 32))
+    coarse, fine = (collocation_error(tp.load_scene("hand-flip"), opening) for opening in (8, 32))
     assert coarse[0] < 2e-4 and coarse[1] < 2e-3
     assert (fine < coarse / 16).all()
 
@@ -144,49 +139,3 @@ def test_bounds_come_from_the_limits_less_the_margins() -> None:
     assert nlp.block(low, "T", 0) == pytest.approx(0.05)
     assert nlp.block(high, "dq", 0) is None
     assert (low < high).all()
-
-
-def test_position_limits_hold_between_nodes() -> None:
-    """A start near a limit with few, long intervals: the whole curve stays inside."""
-    scene = tp.load_scene("pose")
-    plan = tp.plan(varied(scene, nlp={"carry": 3}))
-    assert plan.solved and plan.throw is not None
-    limits = plan.manipulator.planning
-    times = np.linspace(0, plan.throw.opening_time, 2000)
-    q, dq, ddq = plan.throw.planned.at(times)
-    assert (limits.q_min - 1e-9 <= q.T).all() and (limits.q_max + 1e-9 >= q.T).all()
-    assert (np.abs(dq.T) <= limits.dq + 1e-9).all()
-    assert (np.abs(ddq.T) <= limits.ddq + 1e-9).all()
-
-
-@pytest.mark.parametrize("name", ["hand-flip", "hand-box"])
-def test_an_elastic_landing_begins_with_its_own_miss(name: str) -> None:
-    """The rows of the landing hold at the start, however far off the target is."""
-    scene = tp.load_scene(name)
-    far = scene.aimed_at(scene.target.shifted(5.0, 0.0 if name == "hand-box" else -9.0))
-    request = dataclasses.replace(request_of(far), elastic=100.0)
-    nlp = build_nlp(request)
-    x, p = point_of(scene, nlp)[0], nlp.parameter_values(request)
-    function = ca.Function("g", [nlp.x, nlp.p], [nlp.problem["g"]])
-    names = ("landing x", "landing theta")[: 1 if name == "hand-box" else 2]
-    rows = [nlp.row_names.index(row) for row in names]
-
-    def missed(point: np.ndarray) -> float:
-        return float(np.abs(np.array(function(point, p)).ravel()[rows]).max())
-
-    assert missed(x) > 4.0 and missed(nlp.with_miss(x, p)) < 1e-9
-
-
-def test_guess_lands_near_its_own_release() -> None:
-    """Table, guess and NLP agree: the guess's gaps and landing are nearly closed."""
-    scene = tp.load_scene("pose")
-    nlp = nlp_of(scene)
-    x, p = point_of(scene, nlp)
-    function = ca.Function("g", [nlp.problem["x"], nlp.problem["p"]], [nlp.problem["g"]])
-    g = np.array(function(x, p)).ravel()
-    opening = nlp.links[scene.nlp.carry + 1 : -1]
-    assert max(np.abs(g[link.gap]).max() for link in opening) < 0.05
-    landed = np.array(nlp.landing(x, p)).ravel()
-    assert landed[1] == pytest.approx(scene.target.z, abs=0.01)
-    assert landed[0] == pytest.approx(scene.target.x, abs=0.1)
-    assert landed[2] == pytest.approx(scene.target.theta, abs=math.radians(20))

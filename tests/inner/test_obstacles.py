@@ -1,4 +1,4 @@
-"""Obstacles and the arm itself: distances, the check, and throws planned around, by the oracle.
+"""Fails if a throw meets an obstacle or the arm itself, or the check sees another distance.
 
 That the check misses nothing among random obstacles is in test_verdict_oracle.py.
 """
@@ -14,8 +14,6 @@ import pytest
 import throwplan as tp
 from builders import varied
 from throwplan.models import Trajectory
-from throwplan.models.robot import LinkCapsule
-from throwplan.pictures.space import serving, space_motion
 from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.verdict import (
     Clearance,
@@ -83,29 +81,6 @@ def test_a_throw_clears_the_arm_as_the_check_says(pose, free) -> None:
         assert (found[:50] <= 0.0).all() and (found > 0.01).sum() > 10
 
 
-def test_a_link_meets_the_one_two_joints_before_it() -> None:
-    """The forearm of a UR5e, folded onto its shoulder."""
-    scene = tp.load_scene("ur5e")
-    two = tuple(capsule for capsule in scene.arm.capsules if capsule.link in (1, 3))
-    scene = scene.replace(arm=dataclasses.replace(scene.arm, capsules=two))
-    q = np.radians([[-90.0, -90.0], [0.0, 170.0], [0.0, 0.0]])
-    apart, folded = overlap(scene, make_manipulator(scene), q)
-    assert apart < -0.1 and folded > 0.02
-
-
-def test_links_next_to_the_base_keep_off_bodies_beside_the_arm(pose, free) -> None:
-    """A ball where the upper arm passes: the base may meet it there, a second arm may not."""
-    q = free.throw.deciding.path.at(np.array([0.0, 0.5 * free.throw.opening_time])).pose
-    manipulator = make_manipulator(pose)
-    upper = next(i for i, c in enumerate(pose.arm.capsules) if c.link == 2)
-    place = manipulator.capsules.at(q)[upper, :, :, 1].mean(axis=0)
-    for beside in (False, True):
-        ball = LinkCapsule(0, tuple(place), tuple(place), 0.01, beside)
-        arm = dataclasses.replace(pose.arm, capsules=(*pose.arm.capsules, ball))
-        scene = pose.replace(arm=arm)
-        assert (overlap(scene, make_manipulator(scene), q)[1] > 0.0) == beside
-
-
 def test_a_throw_goes_over_a_wall(free, around):
     assert free.solved and around.solved
     hit = dataclasses.replace(free.throw.deciding, scene=around.throw.deciding.scene)
@@ -126,33 +101,6 @@ def test_an_obstacle_stands_in_the_base_frame(free, pose):
         assert bool(clearances(throw)) == meets
 
 
-def lowest_of_links(plan: tp.Plan) -> float:
-    """Least height [m] of the links from rest to rest, by the oracle's chain."""
-    oracle, arm = oracle_of(plan), plan.scene.arm
-    ends = oracle.arm.capsules(oracle.ticks)[..., 2].min(axis=(1, 2))
-    return float(min(ends - [capsule.radius for capsule in arm.capsules]))
-
-
-@pytest.mark.slow
-def test_no_link_is_below_the_floor_from_rest_to_rest(pose) -> None:
-    """A floor that all joints, hand and bar are above, but a thick link is not."""
-    links = tuple(
-        dataclasses.replace(capsule, radius=capsule.radius + 0.05)
-        for capsule in pose.arm.capsules
-        if capsule.link > 2
-    )
-    padded = varied(pose, arm={"capsules": links, "overlaps": ()})
-    first = tp.Planner(padded).plan(TARGET)
-    final, floor = first.throw.deciding, lowest_of_links(first) + 0.02
-    lowest = min(measures_of(final).value(name)[0] for name in ("arm", "held"))
-    assert floor < lowest - 0.1
-    higher = varied(padded, workspace={"floor": floor})
-    hit = dataclasses.replace(final, scene=higher.aimed_at(TARGET))
-    assert {c.other for c in clearances(hit)} == {"floor"}
-    plan = tp.Planner(higher).plan(TARGET)
-    assert plan.solved and lowest_of_links(plan) > floor - 1e-6
-
-
 def in_the_way(throw: Throw) -> Obstacle:
     """A ball in the middle of a flight."""
     at = throw.flight(np.array([throw.landing.flight_time / 2]))[:, 0]
@@ -166,28 +114,6 @@ def test_a_hand_throws_around_an_obstacle(plan_of) -> None:
     assert clearances(dataclasses.replace(first, scene=blocked))
     plan = tp.Planner(blocked).plan()
     assert plan.solved and not clearances(plan.throw.deciding)
-
-
-@pytest.mark.slow
-def test_a_robust_throw_goes_around_an_obstacle() -> None:
-    """Early and late as well."""
-    scene = tp.load_scene("delay")
-    first = tp.Planner(scene).plan(robust=True).throw.deciding
-    blocked = scene.replace(obstacle=(in_the_way(first),))
-    assert clearances(dataclasses.replace(first, scene=blocked))
-    plan = tp.Planner(blocked).plan(robust=True)
-    assert plan.solved
-    for delay in (-0.01, -0.005, 0.0, 0.005, 0.01):
-        assert not clearances(plan.throw.deciding.delayed(delay)), delay
-
-
-def test_the_bar_may_land_on_a_table(free, pose):
-    """Its top is half the bar's width under the target."""
-    for top, meets in ((0.09, False), (0.3, True)):
-        table = Obstacle("table", "box", (0.5, 0.6, top), (1.3, 0.0, top / 2))
-        throw = free.throw.deciding
-        scene = throw.scene.replace(obstacle=(table,))
-        assert bool(clearances(dataclasses.replace(throw, scene=scene))) == meets
 
 
 def test_the_arm_meets_itself(free, pose):
@@ -205,20 +131,20 @@ def test_the_arm_meets_itself(free, pose):
 
 
 @pytest.mark.parametrize(
-    ("obstacle", "words"),
+    "obstacle",
     [
-        (dataclasses.replace(WALL, position=(1.2, 0.0, 0.1)), "the target's pose is inside"),
-        (dataclasses.replace(WALL, position=(0.3, 0.0, 0.6)), "mm from the start pose's"),
-        (Obstacle("peg", "sphere", (0.005,), (0.0, -0.05, 0.3)), "obstacle peg: inside link 1"),
+        dataclasses.replace(WALL, position=(1.2, 0.0, 0.1)),
+        dataclasses.replace(WALL, position=(0.3, 0.0, 0.6)),
+        Obstacle("peg", "sphere", (0.005,), (0.0, -0.05, 0.3)),
     ],
 )
-def test_an_obstacle_that_holds_target_or_start(pose, obstacle, words):
+def test_an_obstacle_that_holds_target_start_or_base(pose, obstacle):
     scene = varied(pose, robot={"start": (-0.8, -2.4, 1.6)}, obstacle=(obstacle,))
-    with pytest.raises(tp.InputError, match=words):
+    with pytest.raises(tp.InputError, match=obstacle.name):
         tp.Planner(scene).plan(TARGET)
 
 
-@pytest.mark.parametrize(("into", "free_of"), [(0.004, True), (0.012, False), (0.05, False)])
+@pytest.mark.parametrize(("into", "free_of"), [(0.004, True), (0.012, False)])
 def test_a_bar_may_land_on_an_obstacle_but_not_inside(free, into, free_of):
     """into [m]: how far its lower face, 10 mm from its axis, is below the obstacle's top."""
     final = free.throw.deciding
@@ -228,24 +154,3 @@ def test_a_bar_may_land_on_an_obstacle_but_not_inside(free, into, free_of):
     table = Obstacle("table", "box", (0.3, 0.3, 0.05), (landing.x, 0.0, top - 0.025), clearance=0.0)
     throw = dataclasses.replace(final, scene=final.scene.replace(obstacle=(table,)))
     assert (not clearances(throw)) == free_of
-
-
-def test_a_saved_plan_keeps_its_obstacles(around, tmp_path, free_port):
-    around.save(tmp_path)
-    again = tp.read_plan(tmp_path)
-    assert again.scene.obstacle == (WALL,)
-    assert not clearances(again)
-    with serving(space_motion(again), free_port()) as (_, panel):
-        assert panel
-
-
-@pytest.mark.parametrize(
-    ("kind", "size"), [("box", (0.2, 0.3, 0.4)), ("sphere", (0.2,)), ("capsule", (0.1, 0.5))]
-)
-def test_outline_encloses_the_side_view(kind, size):
-    turn = (0.0, 0.0) if kind == "sphere" else (0.4, 0.6)
-    solid = Obstacle("o", kind, size, (0.5, 0.1, 0.4), *turn).solid
-    low, high = solid.outline(360).min(axis=0), solid.outline(360).max(axis=0)
-    ways = np.array([[1.0, 0, 0], [0, 0, 1.0]])
-    assert high == pytest.approx(solid.support(ways), abs=1e-6)
-    assert -low == pytest.approx(solid.support(-ways), abs=1e-6)

@@ -1,15 +1,15 @@
-"""Robust plans: judged on samples that planning did not use; what they cost when not asked for."""
+"""Fails if a robust plan scatters more than a plain one on samples that planning did not use, or
+says another success than that of its sweep."""
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from functools import cache
 
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import only, varied
+from builders import only
 from throwplan.planner.sweep import Sweep
 from throwplan.planner.throw import friction_use
 from throwplan.problems import Distribution, Uncertainty
@@ -67,24 +67,19 @@ def fresh(plan: tp.Plan) -> Sweep:
 DELAY = tp.load_scene("delay").uncertainty
 
 
-@pytest.mark.parametrize(
-    ("name", "uncertainty"),
-    [("delay", FOUR), pytest.param("place", FOUR, marks=pytest.mark.slow), ("gen3", None)],
-)
-def test_no_plan_is_worse_than_one_that_tries_less(
-    name: str, uncertainty: Uncertainty | None
-) -> None:
+def test_no_plan_is_worse_than_one_that_tries_less() -> None:
     """A robust one than the default, and this than one whose load costs nothing."""
-    plans = loud(name, uncertainty), planned(name, uncertainty), planned(name, uncertainty, True)
+    plans = loud("delay", FOUR), planned("delay", FOUR), planned("delay", FOUR, True)
     for before, after in itertools.pairwise(map(fresh, plans)):
         lost = int((before.success & ~after.success).sum())
         gained = int((after.success & ~before.success).sum())
         assert lost - gained <= 3 * np.sqrt(lost + gained)
-        if uncertainty is not None and lost >= gained:
+        if lost >= gained:
             bound, found = (np.quantile(one.errors["scaled"], 0.95) for one in (before, after))
             assert found <= 1e-4 + 1.1 * bound
 
 
+@pytest.mark.slow
 def test_friction_patch_radius_mass_and_delay_are_borne() -> None:
     """Slip in the full grip counts: no sample of 1,024 slips or lands outside the tolerance."""
     plain, robust = fresh(loud("place", FOUR)), fresh(planned("place", FOUR, True))
@@ -110,19 +105,3 @@ def test_a_free_hand_is_quiet_all_the_way() -> None:
     hand = plan.manipulator.hand(throw.planned).at(np.linspace(begin, end, 200))
     assert friction_use(scene, hand).max() == pytest.approx(plan.peak_load, rel=0.1)
     assert scaled_spread(plan) < scaled_spread(loud("hand-flip", DELAY)) / 50
-
-
-def test_a_quiet_plan_forgives_friction_and_opening_time_too() -> None:
-    """Planned without knowing it: 30 % less friction and 20 % longer opening."""
-    other = loud("delay", DELAY).scene
-    pads = {"friction": 0.7 * other.contact.friction}
-    grip = {"opening": 1.2 * other.gripper.opening}
-    misses = []
-    for plan in (loud("delay", DELAY), planned("delay", DELAY)):
-        scene = varied(plan.scene, contact=pads, gripper=grip)
-        found = tp.sweep(dataclasses.replace(plan, scene=scene), samples=256)
-        x, theta = found.landings.pose[:, 0], found.landings.pose[:, 1]
-        dx, dtheta = x - plan.target.plane_x, theta - plan.target.theta
-        arm = other.object.length / 2
-        misses.append(np.quantile(np.abs(dx) + arm * np.abs(dtheta), 0.95))
-    assert misses[1] < misses[0] / 5

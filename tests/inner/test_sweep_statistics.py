@@ -1,4 +1,4 @@
-"""Statistics of a sweep against textbook values and models whose answer is known."""
+"""Fails if a sweep's quantiles or shares of variance are not those of models with known answers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def unit_samples(count: int, columns: int) -> np.ndarray:
     return qmc.Sobol(columns, rng=1).random(count) + 2.0**-31
 
 
-@pytest.mark.parametrize("count", [256, 1024, 8192])
+@pytest.mark.parametrize("count", [256, 4096])
 def test_shares_of_a_linear_model(count: int) -> None:
     """y = sum a_i x_i of independent x: a_i^2 Var(x_i) / Var(y)."""
     u = unit_samples(count, 4)
@@ -43,13 +43,6 @@ def test_shares_of_a_linear_model(count: int) -> None:
     parts = slopes**2 * variances
     shares = variance_shares(x, x @ slopes + 5.0)
     assert shares == pytest.approx(parts / parts.sum(), abs=0.03 if count < 1000 else 0.01)
-
-
-def test_shares_of_the_ishigami_function() -> None:
-    """Saltelli's usual example: S = 0.3139, 0.4424, 0, with an interaction of 1 and 3."""
-    x = math.pi * (2 * unit_samples(4096, 3) - 1)
-    y = np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
-    assert variance_shares(x, y) == pytest.approx([0.3139, 0.4424, 0.0], abs=0.01)
 
 
 def test_shares_of_what_does_not_vary_are_zero() -> None:
@@ -63,9 +56,3 @@ def test_shares_do_without_the_throws_that_land_nowhere() -> None:
     x = unit_samples(1024, 2)
     y = np.where(x[:, 1] > 0.9, np.nan, x[:, 0])
     assert variance_shares(x, y) == pytest.approx([1.0, 0.0], abs=0.01)
-
-
-def test_few_samples_give_no_shares_from_noise() -> None:
-    rng = np.random.default_rng(3)
-    shares = variance_shares(rng.normal(size=(40, 8)), rng.normal(size=40))
-    assert max(shares) < 0.5

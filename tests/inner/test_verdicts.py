@@ -1,23 +1,25 @@
-"""Verdicts on many throws, and the sentences of findings."""
+"""Fails if throws with disturbances succeed or fail otherwise than by the oracle, wherever its own
+error cannot change that."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import loud, only
+from builders import loud
 from throwplan.planner.throw import ThrowBatch
 from throwplan.planner.uncertainty import sampler_of
-from throwplan.planner.verdict import Code, Finding, Judge, Verdict, measures_of
+from throwplan.planner.verdict import Code, Judge, Verdicts, measures_of
 from throwplan.problems import Distribution, Obstacle, Uncertainty
 
 from oracle import read_oracle
 
 #: Samples of each scene.
-COUNT = 200
+COUNT = 50
 replace = dataclasses.replace
 
 
@@ -45,12 +47,6 @@ ALL = Uncertainty(
 )
 
 
-def weak(name: str, force: float) -> tp.Scene:
-    """A grip that is used nearly up."""
-    scene = tp.load_scene(name)
-    return scene.replace(gripper=replace(scene.gripper, force=force, sticking_margin=0.01))
-
-
 def hard(name: str) -> tp.Scene:
     """An arm that brakes as hard as it can, whose joints are weak."""
     scene = loud(name)
@@ -64,17 +60,13 @@ def walled(name: str) -> tp.Scene:
     return loud(name).replace(obstacle=(wall,))
 
 
-#: Cups, a weak grip, hard braking, late openings, a wall, a target that moves, no arm, a CoM grasp.
+#: Hard braking, a target that moves, a wall, a CoM grasp.
 SCENES: dict[str, Callable[[], tp.Scene]] = {
-    "weak cup": lambda: weak("near-cup", 60.0),
     "hard braking": lambda: hard("pose"),
-    "weak hand": lambda: weak("hand-flip", 60.0),
     "moving": lambda: loud("conveyor"),
     "wall": lambda: walled("fr3"),
     "com grasp": lambda: tp.load_scene("hand-box"),
 }
-#: Those that `make test` throws; the others are slow.
-DAILY = ("weak hand",)
 
 
 def scattered(plan: tp.Plan, seed: int = 1) -> tuple[Judge, np.ndarray]:
@@ -88,68 +80,36 @@ def scattered(plan: tp.Plan, seed: int = 1) -> tuple[Judge, np.ndarray]:
     return Judge(batch), sampler.draw(0, COUNT)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name if name in DAILY else pytest.param(name, marks=pytest.mark.slow) for name in SCENES],
-)
-def test_throws_are_judged_as_the_oracle_judges_them(name: str, tmp_path) -> None:
-    """Where a limit is not nearer than the oracle's accuracy."""
-    plan = tp.plan(SCENES[name]().replace(uncertainty=ALL, robust=None))
-    plan = plan.nearest or plan
+def compare(plan: tp.Plan, folder: Path) -> Verdicts:
+    """Verdicts on a plan's throws, the oracle's where no limit is nearer than its accuracy."""
     judge, values = scattered(plan)
     together = judge.verdicts(values)
-    plan.save(tmp_path)
+    plan.save(folder)
     rows = dict(zip(judge.batch.names, values.T, strict=True))
-    true = read_oracle(tmp_path).judge(rows)
+    true = read_oracle(folder).judge(rows)
     differ = (together.succeeds != true.success) & true.sure
     assert not differ.any(), [true.broken()[i] for i in np.flatnonzero(differ)]
     assert true.sure.mean() > 0.9
     # Some fail and some do not, or nothing is compared.
     assert together.breaks(Code.LANDING, Code.CUP_WALL).any()
-    if "weak" in name:
-        assert 0 < together.breaks(Code.SLIP_BEFORE_OPENING).sum() < COUNT
+    return together
 
 
-def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> None:
-    """The largest use of the grip may come after the release: no throw is held then."""
-    scene = weak("near-cup", 60.0).replace(uncertainty=only(friction=spread(0.15, relative=True)))
-    plan = tp.plan(scene)
-    found = tp.sweep(plan, samples=512)
-    use = measures_of(plan.throw.deciding).value("grip")[0]
-    friction = found.values[:, 0] / scene.contact.friction
-    # A wrench over a limit in proportion to friction.
-    assert (found.landings.sticks == (use / friction <= 1.0)).all()
-    assert 0.0 < found.success.mean() < 1.0
-    (warning,) = (f for f in plan.verdict.warnings if f.code is Code.UNCERTAIN)
-    assert warning.value == pytest.approx(1.0 - found.landings.sticks.mean(), abs=0.02)
-    assert "slip under full grip" in warning.words and "sticking_margin" in warning.words
-    assert warning.words in plan.summary(verbose=True)
-    assert f"{100 * warning.value:.0f} % slip under full grip" in plan.summary()
-    most = 100 * (1 - plan.scene.gripper.sticking_margin)
-    assert f"grip {100 * use:.0f} of {most:.3g} %" in plan.summary()
-
-
-# Findings and verdicts.
-
-
-def test_a_warning_breaks_nothing_and_a_cup_excuses_the_landing() -> None:
-    landing = Finding(Code.LANDING, 0.1, 0.002, 1.0, "position")
-    slip = Finding(Code.SLIP_BEFORE_OPENING, 1.1, 1.0, 0.5)
-    warning = Finding(Code.MODELS_DIFFER, 0.1, 0.002, broken=False, note="apart")
-    assert Verdict((warning,)).ok and Verdict((warning,)).succeeds
-    assert not Verdict((landing,)).succeeds and Verdict((landing,), cup=True).succeeds
-    assert not Verdict((landing,), cup=True).ok
-    assert not Verdict((landing, slip), cup=True).succeeds
-    assert Verdict((landing, slip)).words == f"{landing.words}; {slip.words}"
-
-
-def test_a_plan_s_json_has_its_findings(loud_plan_of) -> None:
-    plan = loud_plan_of("hand-flip")
-    narrow = plan.scene.changed(tolerance=tp.Tolerance(position=5e-4, angle=0.0035))
-    throw = plan.throw.deciding.in_scene(narrow)
-    plan = replace(plan, scene=narrow, throw=replace(plan.throw, deciding=throw))
-    solved = plan.to_dict()
-    assert [found["code"] for found in solved["findings"]] == ["models_differ"]
-    assert (
-        solved["findings"][0]["words"] == solved["warning"] and not solved["findings"][0]["broken"]
+@pytest.mark.parametrize("name", ["near-cup", "hand-flip"])
+def test_throws_of_a_weak_grip_are_judged_as_the_oracle_judges_them(
+    name: str, plan_of, tmp_path
+) -> None:
+    plan = plan_of(name)
+    grip, use = plan.scene.gripper, measures_of(plan.throw.deciding).value("grip")[0]
+    weak = replace(grip, force=1.02 * use * grip.force, sticking_margin=0.0)
+    together = compare(
+        replace(plan, scene=plan.scene.replace(gripper=weak, uncertainty=ALL)), tmp_path
     )
+    assert 0 < together.breaks(Code.SLIP_BEFORE_OPENING).sum() < COUNT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_throws_are_judged_as_the_oracle_judges_them(name: str, tmp_path) -> None:
+    plan = tp.plan(SCENES[name]().replace(uncertainty=ALL, robust=None))
+    compare(plan.nearest or plan, tmp_path)

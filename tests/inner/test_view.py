@@ -1,4 +1,4 @@
-"""The 3-D view: where arm, hand and bar are, what is drawn of them, and the panel."""
+"""Fails if the 3-D view shows arm, hand or object elsewhere than the throw has them."""
 
 from __future__ import annotations
 
@@ -51,12 +51,6 @@ def test_the_bar_is_held_and_lands_at_the_target(space: Any) -> None:
     np.testing.assert_allclose(space.bar[-1, :3, 0], [0, 0, -1], atol=0.02)
 
 
-def test_a_hand_scene_has_no_joints(saved) -> None:
-    space = space_throw(tp.read_plan(saved("hand-box")))
-    assert space.joints.shape == (len(space.line.times), 0, 4, 4)
-    np.testing.assert_allclose(space.hand[:, [0, 2], 3], space.line.hand[:2].T, atol=1e-12)
-
-
 def test_the_pads_hold_until_detach_and_then_open(space: Any, panel: Any) -> None:
     view = panel.view
     for moment, opens in ((space.throw.opening_time, False), (space.throw.landing_time, True)):
@@ -67,78 +61,7 @@ def test_the_pads_hold_until_detach_and_then_open(space: Any, panel: Any) -> Non
         assert (gap > 0.01) if opens else (abs(gap) < 1e-12)
 
 
-def test_the_camera_sees_the_whole_throw(space: Any, panel: Any) -> None:
-    camera = panel.view.server.initial_camera
-    position = np.asarray(camera.position)
-    forward = np.asarray(camera.look_at) - position
-    forward = forward / np.linalg.norm(forward)
-    right = np.cross(forward, camera.up)
-    right /= np.linalg.norm(right)
-    points = np.vstack([space.bar[:, :3, 3], space.joints.reshape(-1, 4, 4)[:, :3, 3]])
-    away = points - position
-    depth, half = away @ forward, np.tan(camera.fov / 2)
-    assert depth.min() > 0.1
-    assert np.abs(away @ np.cross(right, forward) / depth).max() < half
-    # Of a page of 1300 x 900 pixels the panel takes 322 at the right.
-    pixels = (1300 - 322) / 2 + 450 * away @ right / depth / half
-    assert pixels.min() > 0 and pixels.max() < 1300 - 322
-
-
-def test_the_names_of_the_marks_are_one_below_the_other(
-    space: Any, panel: Any, monkeypatch
-) -> None:
-    heights = {}
-
-    def label(_: str, text: str, position: Any, **__: Any) -> None:
-        at = space.bar[space.line.index(space.line.marks[text]), 2, 3]
-        heights[text] = float(at + position[2])
-
-    monkeypatch.setattr(panel.view.server.scene, "add_label", label)
-    panel.view.change(space_motion(space.throw))
-    low, high = space.extent()
-    below = -np.diff([heights[name] for name in ("detach", "opening", "command")])
-    assert (below > 0.045 * (high - low).max()).all()
-    assert heights["landing"] == pytest.approx(space.bar[-1, 2, 3], abs=1e-9)
-
-
-def test_the_slider_moves_and_colours_the_bar(space: Any, panel: Any) -> None:
-    for name, colour in (("command", (138, 143, 152)), ("landing", (42, 157, 111))):
-        moment = space.line.marks[name]
-        panel.slider.value = round(1e3 * moment)
-        pose = space.bar[space.line.index(moment)]
-        np.testing.assert_allclose(panel.view.bar.position, pose[:3, 3], atol=1e-12)
-        assert tuple(panel.view.box.color) == colour
-        assert f"{1e3 * moment:.0f} ms" in panel.words.content
-
-
-def test_playing_takes_real_time_times_the_speed(panel: Any) -> None:
-    panel.go(0.0)
-    panel.play(True)
-    for speed, factor in (("1", 1.0), ("1/5", 0.2), ("1/20", 0.05)):
-        panel.speed.value = speed
-        before = panel.time
-        for _ in range(10):
-            panel.advance(0.013)
-        assert panel.time - before == pytest.approx(0.13 * factor, abs=1e-12)
-    panel.play(False)
-    panel.advance(1.0)
-    assert panel.time == pytest.approx(0.13 * 1.25)
-    panel.play(True)
-    panel.speed.value = "1"
-    panel.advance(100.0)
-    assert panel.time == panel.end and not panel.playing
-    panel.play(True)
-    assert panel.time == 0.0
-    panel.play(False)
-
-
-def test_the_button_goes_to_the_release(panel: Any) -> None:
-    panel.go(0.0)
-    panel.release.value = True
-    assert panel.time == panel.throw.throw.opening_time
-    assert "**stick**" in panel.words.content
-
-
+@pytest.mark.slow
 def test_a_cycle_moves_each_object_from_its_pick_to_its_bin(cycled, free_port) -> None:
     """Each lies at its pick until it is held, is carried without a jump, and ends at its target;
     the arm goes on meanwhile."""

@@ -1,4 +1,4 @@
-"""Arm kinematics against another library, the planar chain against the full arm."""
+"""Fails if an arm's hand is not where another library has it, or its rates are not derivatives."""
 
 import dataclasses
 from pathlib import Path
@@ -10,7 +10,7 @@ import throwplan as tp
 from adam.numpy import KinDynComputations
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from throwplan.models.robot import PlanarArm, PlanarHand, hand_motion, segment_distance
+from throwplan.models.robot import PlanarArm, PlanarHand, hand_motion
 from throwplan.problems.arm_files import load_arm
 
 URDF = Path(__file__).parent.parent / "data" / "panda.urdf"
@@ -55,17 +55,17 @@ def smooth_joints(t):
     return wide * np.sin(turn), wide * rate * np.cos(turn), -wide * rate**2 * np.sin(turn)
 
 
-@pytest.mark.parametrize("link", LINKS)
-def test_frames_agree_with_adam(adam, frames, link):
+def test_frames_agree_with_adam(adam, frames):
     rng = np.random.default_rng(7)
     low, high = np.array(PANDA.limits.position_min), np.array(PANDA.limits.position_max)
-    for joints in rng.uniform(low, high, (20, 7)):
-        pose = np.array(frames(joints)[LINKS[link]])
-        np.testing.assert_allclose(pose, pose_of(adam, joints, link), atol=1e-9)
+    for joints in rng.uniform(low, high, (5, 7)):
+        poses = np.array(frames(joints))
+        for link, at in LINKS.items():
+            np.testing.assert_allclose(poses[at], pose_of(adam, joints, link), atol=1e-9)
 
 
 @given(throwing=angles)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_planar_chain_is_the_arm_in_its_plane(adam, planar, throwing):
     pose = pose_of(adam, all_joints(throwing))
     x, z, theta = np.array(planar(throwing, 0, 0)[0]).ravel()
@@ -80,13 +80,35 @@ def test_hand_angle_is_unwrapped(planar):
     assert np.abs(np.diff(theta)).max() < 0.04
 
 
-@pytest.mark.parametrize("t", [0.0, 0.3, 1.1, 2.7])
-@pytest.mark.parametrize("order", [0, 1], ids=["twist", "acceleration"])
-def test_twist_and_acceleration_are_rates(planar, order, t):
-    dt = 1e-5
-    before, after = (np.array(planar(*smooth_joints(t + d))[order]) for d in (-dt, dt))
-    rate = np.array(planar(*smooth_joints(t))[order + 1])
-    np.testing.assert_allclose(rate, (after - before) / (2 * dt), atol=(1e-7, 1e-6)[order])
+@pytest.mark.parametrize("t", [0.3, 2.7])
+def test_twist_and_acceleration_are_rates(planar, t):
+    dt, found = 1e-5, planar(*smooth_joints(t))
+    before, after = (planar(*smooth_joints(t + d)) for d in (-dt, dt))
+    for order, near in ((0, 1e-7), (1, 1e-6)):
+        rate = np.array(after[order] - before[order]) / (2 * dt)
+        np.testing.assert_allclose(np.array(found[order + 1]), rate, atol=near)
+
+
+def test_joints_that_do_not_throw_are_refused():
+    """Those out of the plane, and more than the core takes: nine in the plane, of two Pandas."""
+    for joints in ((2, 3, 6), (2, 4, 7), (6, 4, 2)):
+        with pytest.raises(ValueError, match="do not move the hand in the vertical plane"):
+            PlanarArm(PANDA, joints)
+    with pytest.raises(ValueError, match="at most 8"):
+        PlanarArm(dataclasses.replace(PANDA, chain=PANDA.chain * 2), range(2, 11))
+    for change in ({"azimuth_joint": 3}, {"posture": (0, 0, 0, 0, 0, 0, 1.2)}):
+        with pytest.raises(tp.InputError, match=next(iter(change))):
+            tp.Planner(tp.load_scene("pose").replace(arm=dataclasses.replace(PANDA, **change)))
+
+
+@pytest.mark.parametrize("joints", [(2, 4), (6,)], ids=str)
+def test_fewer_throwing_joints_leave_the_others_in_posture(adam, joints):
+    posture = np.array([0, 0.3, 0, -1.8, 0, 2.0, np.pi / 4])
+    motion = hand_motion(PlanarArm(dataclasses.replace(PANDA, posture=tuple(posture)), joints))
+    values, full = np.random.default_rng(3).uniform(-2, 2, len(joints)), posture.copy()
+    full[[j - 1 for j in joints]] = values
+    x, z, _ = np.array(motion(values, 0, 0)[0]).ravel()
+    np.testing.assert_allclose([x, z], pose_of(adam, full)[[0, 2], 3], atol=1e-9)
 
 
 def test_limits_are_the_published_ones():
@@ -100,64 +122,9 @@ def test_limits_are_the_published_ones():
     assert limits.torque == (87, 87, 87, 87, 12, 12, 12)
 
 
-@pytest.mark.parametrize(
-    "joints", [(1, 2, 4), (2, 3, 6), (2, 4, 5), (2, 4, 7), (3,), (7,), (6, 4, 2)], ids=str
-)
-def test_joints_that_do_not_throw_in_the_plane_are_refused(joints):
-    with pytest.raises(ValueError, match=r"panda.*do not move the hand in the vertical plane"):
-        PlanarArm(PANDA, joints)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"azimuth_joint": 7}, "azimuth_joint = 7 does not turn"),
-        ({"azimuth_joint": 3}, "azimuth_joint = 3 does not turn"),
-        ({"posture": (0, 0, 0, 0, 0, 0, 1.2)}, "posture holds the pads 23.8 deg askew"),
-    ],
-)
-def test_an_arm_that_cannot_do_what_would_be_solved_is_refused(change, words):
-    scene = tp.load_scene("pose")
-    with pytest.raises(tp.InputError, match=words):
-        tp.Planner(dataclasses.replace(scene, arm=dataclasses.replace(PANDA, **change)))
-
-
-def test_more_throwing_joints_than_the_core_takes_are_refused():
-    """Two Pandas' chains one after the other: nine joints in the plane, of 14."""
-    arm = dataclasses.replace(PANDA, chain=PANDA.chain * 2)
-    with pytest.raises(ValueError, match="has 9 throwing joints, at most 8 are allowed"):
-        PlanarArm(arm, range(2, 11))
-
-
-@pytest.mark.parametrize("joints", [(2, 4), (4, 6), (6,)], ids=str)
-def test_fewer_throwing_joints_leave_the_others_in_posture(adam, joints):
-    posture = np.array([0, 0.3, 0, -1.8, 0, 2.0, np.pi / 4])
-    arm = dataclasses.replace(PANDA, posture=tuple(posture))
-    motion = hand_motion(PlanarArm(arm, joints))
-    rng = np.random.default_rng(3)
-    for values in rng.uniform(-2, 2, (5, len(joints))):
-        full = posture.copy()
-        full[[j - 1 for j in joints]] = values
-        pose = pose_of(adam, full)
-        x, z, _ = np.array(motion(values, 0, 0)[0]).ravel()
-        np.testing.assert_allclose([x, z], pose[[0, 2], 3], atol=1e-9)
-
-
 def test_a_hand_that_does_not_turn_keeps_its_angle():
     motion = hand_motion(PlanarHand(turns=False, theta=0.7))
     pose, twist, acceleration = (np.array(o).ravel() for o in motion([1, 2], [3, 4], [5, 6]))
     np.testing.assert_array_equal(pose, [1, 2, 0.7])
     np.testing.assert_array_equal(twist, [3, 4, 0])
     np.testing.assert_array_equal(acceleration, [5, 6, 0])
-
-
-@pytest.mark.parametrize("size", [1e-3, 5e-3, 0.1])
-def test_segments_of_any_size_are_apart_as_their_nearest_points(size: float) -> None:
-    """No farther than the nearest of 61 x 61 points, and nearer by at most half of their steps."""
-    ends = size * np.random.default_rng(0).normal(size=(2, 2, 300, 3))
-    share = np.linspace(0.0, 1.0, 61)[:, None, None]
-    points = [begin + share * (end - begin) for begin, end in ends]
-    nearest = np.linalg.norm(points[0][:, None] - points[1], axis=-1).min(axis=(0, 1))
-    found = segment_distance(*ends[0], *ends[1])
-    steps = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1).sum(axis=0) / 60
-    assert (found <= nearest + 1e-12).all() and (found >= nearest - steps / 2 - 1e-12).all()

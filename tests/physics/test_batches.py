@@ -1,4 +1,5 @@
-"""Batches of throws: the single models' answers, extremes, convergence; bad arrays."""
+"""Fails if throws of a batch (in the C core) land elsewhere than the models have them one by one,
+or if extreme numbers give a NaN."""
 
 from __future__ import annotations
 
@@ -19,8 +20,6 @@ from release_cases import (
 )
 from throwplan.models import Body, FlightLaw, PinchContact, Trajectory, write_core_laws
 from throwplan.models.release import (
-    ImplicitRelease,
-    KarnoppRelease,
     LinearGrip,
     ReleaseCase,
     SlidingPivotRelease,
@@ -65,14 +64,14 @@ def landing(detach: np.ndarray) -> np.ndarray:
     ("model", "exact", "position", "angle"),
     [
         ("sp", PlainPivot(), 1e-4, 0.1),
-        ("sp-paper", PlainPivot("paper", steps=4000), 1e-3, 0.2),
-        ("ls-step", SteppedRelease(8000), 1e-3, 0.5),
+        ("sp-paper", PlainPivot("paper", steps=2000), 1e-3, 0.2),
+        ("ls-step", SteppedRelease(4000), 1e-3, 0.5),
     ],
 )
 def test_a_batch_lands_where_the_single_models_do(model, exact, position, angle) -> None:
-    values = throws(12)
+    values = throws(5)
     batch = landing(tp.simulate_batch(DROP, model, **values).detach)
-    for i in range(12):
+    for i in range(5):
         one = landing(exact.release(single(values, i)).end[None])[0]
         assert batch[i, 0] == pytest.approx(one[0], abs=position)
         assert batch[i, 1] == pytest.approx(one[1], abs=np.radians(angle))
@@ -80,11 +79,11 @@ def test_a_batch_lands_where_the_single_models_do(model, exact, position, angle)
 
 @pytest.mark.parametrize("delayed", [False, True])
 @pytest.mark.parametrize(
-    ("model", "exact"), [("sp", SlidingPivotRelease(steps=300)), ("ls-step", SteppedRelease(8000))]
+    ("model", "exact"), [("sp", SlidingPivotRelease(steps=200)), ("ls-step", SteppedRelease(4000))]
 )
 def test_sampled_hands_throw_as_each_by_itself(model, exact, delayed: bool) -> None:
     """Hands through samples of their own, and one hand that opens at other times."""
-    rng, t, count = np.random.default_rng(0), np.linspace(-0.01, 0.15, 60), 6
+    rng, t, count = np.random.default_rng(0), np.linspace(-0.01, 0.15, 60), 3
     poses = np.column_stack([1.5 * t, 0.8 * t - t**2, 0.4 + 3.0 * t])[None]
     hand = {"times": t, "poses": poses + rng.uniform(-5, 5, (count, 1, 3)) * t[:, None] ** 2}
     delays = np.zeros(count)
@@ -115,25 +114,15 @@ def test_a_meshed_batch_is_its_cases_one_by_one(model, stiffness) -> None:
         np.testing.assert_allclose(row, one, rtol=1e-7, atol=1e-8)
 
 
-@pytest.mark.parametrize("model", ["patch", pytest.param("lugre", marks=pytest.mark.slow)])
-def test_meshed_stepping_is_first_order(model) -> None:
-    grids, values = (60, 120, 240, 480), reference_values()
-    at = {n: tp.simulate_batch(DROP, model, steps=n, **values).detach for n in (*grids, 960, 1920)}
-    exact = 2 * at[1920] - at[960]
+def test_meshed_stepping_is_first_order() -> None:
+    grids, values = (40, 80, 160, 320), reference_values()
+    at = {
+        n: tp.simulate_batch(DROP, "patch", steps=n, **values).detach for n in (*grids, 640, 1280)
+    }
+    exact = 2 * at[1280] - at[640]
     scale = np.array([1.0, 1.0, 0.1, 1.0, 1.0, 0.1])
     found = [np.linalg.norm((at[n] - exact) * scale, axis=1) for n in grids]
     assert np.median(order_of(grids, found)) == pytest.approx(1.0, abs=0.3)
-
-
-@pytest.mark.slow
-def test_usual_steps_are_converged_over_many_throws() -> None:
-    values = throws(250, seed=5)
-    for model, steps, position, angle in (("sp", 1000, 1e-4, 0.1), ("ls-step", 1500, 1e-3, 0.5)):
-        usual = landing(tp.simulate_batch(DROP, model, **values).detach)
-        fine = landing(tp.simulate_batch(DROP, model, steps=steps, **values).detach)
-        difference = np.abs(usual - fine)
-        assert np.percentile(difference[:, 0], 99.5) < position
-        assert np.degrees(np.percentile(difference[:, 1], 99.5)) < angle
 
 
 def test_workers_and_chunks_do_not_change_a_digit() -> None:
@@ -169,32 +158,12 @@ def test_trouble_is_what_the_single_model_says() -> None:
     assert (tp.simulate_batch(DROP, "ls-step", **values).trouble == "").all()
 
 
-# Extremes: finite, or a status that says why not.
-
-
 @pytest.mark.parametrize(("model", "steps"), [("sp", 48), ("ls-step", 30), ("patch", 20)])
-def test_no_nan_in_extreme_throws(model, steps) -> None:
-    for gravity, count in ((9.81, 100 if model == "patch" else 300), (0.0, 100)):
-        scene = DROP.replace(gravity=gravity)
-        found = tp.simulate_batch(scene, model, steps=steps, **extremes(count, 1))
+def test_extreme_throws_have_no_nan(model, steps) -> None:
+    for gravity in (9.81, 0.0):
+        values = extremes(50 if model == "patch" else 300, 1)
+        found = tp.simulate_batch(DROP.replace(gravity=gravity), model, steps=steps, **values)
         assert np.isfinite(found.detach).all()
-
-
-@pytest.mark.parametrize(
-    ("model", "count"),
-    [
-        (PlainPivot(), 60),
-        (PlainPivot("paper"), 60),
-        (KarnoppRelease(), 60),
-        (ImplicitRelease(rtol=1e-5, atol=1e-7), 4),
-    ],
-    ids=["sp", "sp-paper", "ls", "ils"],
-)
-def test_single_models_are_finite_or_say_why(model, count) -> None:
-    values = extremes(count, 2)
-    for i in range(count):
-        release = model.release(single(values, i))
-        assert np.isfinite(release.com_twist).all() or release.trouble
 
 
 def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
@@ -210,25 +179,3 @@ def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
     late = release.times > 0.5
     fall = np.gradient(release.com_twist[1, late], release.times[late])
     assert fall == pytest.approx(np.full(fall.size, -9.81), rel=1e-3)
-
-
-FOUR = np.zeros((1, 4, 3))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"model": "lss"}, "must be one of sp, sp-paper, ls-step, patch, lugre"),
-        ({"mu": 1.0}, "mu: unknown name (known: mass"),
-        ({"friction": [0.5, np.nan]}, "friction: must be finite"),
-        ({"delays": [[0.0]]}, "delays: must be a number or an array"),
-        ({"friction": [0.5, 0.6], "mass": [0.1, 0.2, 0.3]}, "has 2 entries, other arrays have 3"),
-        ({"hand": {"times": [0, 0.1, 0.1, 0.2], "poses": FOUR}}, "hand.times: must rise"),
-        ({"hand": {"pose": np.zeros((4, 2))}}, "hand.pose: must be an array (N, 3)"),
-        ({"steps": 0}, "steps = 0"),
-    ],
-)
-def test_bad_arrays_are_one_clear_line(arguments, words) -> None:
-    with pytest.raises(tp.InputError) as caught:
-        tp.simulate_batch(DROP, **arguments)
-    assert words in str(caught.value) and "\n" not in str(caught.value)

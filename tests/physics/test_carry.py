@@ -1,4 +1,5 @@
-"""The grip while the hand carries the object in space, and the torques of all joints."""
+"""Fails if the grip's use or a joint's torque in space is not MuJoCo's, or if the verdict on a
+carry misses a limit that it breaks, between samples too."""
 
 from __future__ import annotations
 
@@ -6,14 +7,12 @@ import dataclasses
 import math
 from pathlib import Path
 
-import casadi as ca
 import mujoco
 import numpy as np
 import pytest
 import throwplan as tp
 from builders import inertia_matrix, swinging, varied
 from throwplan.models import PinchContact, pinch_use
-from throwplan.planner.result import read_motion
 from throwplan.planner.throw import Samples, friction_use, make_manipulator
 from throwplan.planner.verdict import BAR, Code, SpatialScene, Verdict, grip_use, motion_verdict
 from throwplan.problems import Obstacle
@@ -22,8 +21,6 @@ from throwplan.robots import joint_motion
 from oracle.clearance import Solid
 from oracle.cycles import Carried
 from oracle.motion import frames_of
-
-ARMS = ["pose", "fr3", "gen3", "iiwa14", "ur5e", "xarm7"]
 
 
 def space_of(scene: tp.Scene) -> SpatialScene:
@@ -69,39 +66,7 @@ def expected_use(scene: tp.Scene, force: np.ndarray, torque: np.ndarray) -> np.n
     return pinch_use(scene.patch, *parts, full).use
 
 
-@pytest.mark.parametrize("name", ARMS)
-def test_the_wrench_is_that_of_points_of_the_body(name: str) -> None:
-    """Newton's law for point masses, whose accelerations are differences of their places.
-
-    Eight points have the body's mass, CoM and inertia; their places come from the arm's frames.
-    """
-    scene, times, step = leaning(name), np.linspace(0.05, 0.35, 13), 1e-4
-    q, mass = ca.SX.sym("q", scene.arm.joints), scene.object.mass
-    pads = ca.Function("pads", [q], [scene.arm.frames(q)[-1]])
-    com, tensor = in_pads(scene)
-    # The second moments of the mass, along their own axes.
-    moments, axes = np.linalg.eigh(np.trace(tensor) / 2 * np.eye(3) - tensor)
-    corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-    points = com + (corners * np.sqrt(moments / mass)) @ axes.T
-
-    def places(t: float) -> tuple[np.ndarray, np.ndarray]:
-        pose = np.array(pads(states(name, np.array([t]))[0][0]))
-        return points @ pose[:3, :3].T + pose[:3, 3], pose
-
-    wrenches = []
-    for t in times:
-        before, (now, pose), after = places(t - step)[0], places(t), places(t + step)[0]
-        pushes = (after - 2 * now + before) / step**2 + np.array([0.0, 0.0, scene.gravity])
-        pushes *= mass / 8
-        turns = np.cross(now - pose[:3, 3], pushes)
-        wrenches.append([each.sum(axis=0) @ pose[:3, :3] for each in (pushes, turns)])
-    force, torque = np.array(wrenches).transpose(1, 2, 0)
-    found = grip_use(space_of(scene), Samples(*states(name, times)))
-    np.testing.assert_allclose(found.use, expected_use(scene, force, torque), rtol=1e-5)
-    assert min(found.friction.max(), found.tilting.max(), found.lifting.max()) > 0.01
-
-
-@pytest.mark.parametrize("name", ARMS[1:])
+@pytest.mark.parametrize("name", ["gen3", "ur5e"])
 def test_grip_and_torques_are_those_of_mujoco(name: str) -> None:
     """Its inverse dynamics of the arm's links with the bar welded to the hand.
 
@@ -176,19 +141,6 @@ def test_in_the_throw_s_plane_it_is_the_throw_s_grip_use(planner_of, azimuth: fl
     assert max(found.tilting.max(), found.lifting.max()) < 1e-9
 
 
-def test_the_use_is_a_gauge() -> None:
-    """In proportion to the wrench, convex, and never below that of one of its parts."""
-    force, torque = wrenches(300)
-    one = pinch_use(CONTACT, force, torque, FULL)
-    double = pinch_use(CONTACT, 2 * force, 2 * torque, FULL).use
-    np.testing.assert_allclose(double, 2 * one.use, rtol=1e-8)
-    np.testing.assert_allclose(pinch_use(CONTACT, force, torque, 2 * FULL).use, one.use / 2)
-    for part in (one.friction, one.tilting, one.lifting):
-        assert (one.use >= part * (1 - 1e-9)).all()
-    middle = pinch_use(CONTACT, *((rows + rows[:, ::-1]) / 2 for rows in (force, torque)), FULL)
-    assert (middle.use <= (one.use + one.use[::-1]) / 2 + 1e-9).all()
-
-
 def test_single_loads_hold_up_to_their_limits() -> None:
     """Two pads of 80 N: 144 N of friction, 160 N across, 4 mm of lever out of the plane."""
     pads = 2 * FULL
@@ -251,7 +203,6 @@ def test_a_slow_way_is_held_and_a_fast_one_turns_the_object() -> None:
     assert judged(weak, turning(0.1)).ok and judged(weak, way, held=False).ok
     (found,) = judged(weak, way).broken
     assert found.code is Code.CARRY and found.body == "tilting out of the pads' plane"
-    assert "% of what the pads' force holds" in found.words
     use = grip_use(space_of(weak), way).use
     # It may be found between two samples.
     assert 1.0 < use.max() <= found.value < 1.001 * use.max()
@@ -281,19 +232,8 @@ def head_and_handle(scene: tp.Scene, q: np.ndarray) -> list[tuple[np.ndarray, fl
     return found
 
 
-def test_an_outline_takes_the_grip_of_a_bar_of_the_same_mass() -> None:
-    scene = hammer()
-    width = scene.object.width
-    bar = varied(scene, object={"outline": (), "width": width, "mesh": None})
-    rows = Samples(*states("pose", np.linspace(0.05, 0.35, 13)))
-    np.testing.assert_allclose(
-        grip_use(space_of(scene), rows).use, grip_use(space_of(bar), rows).use, rtol=1e-9
-    )
-
-
-@pytest.mark.parametrize("time", [0.05, 0.15, 0.3])
-def test_every_part_of_an_outline_is_kept_clear(time: float) -> None:
-    scene, q = hammer(), states("pose", np.array([time]))[0]
+def test_every_part_of_an_outline_is_kept_clear() -> None:
+    scene, q = hammer(), states("pose", np.array([0.15]))[0]
     parts = head_and_handle(scene, q[0])
     still = Samples(np.repeat(q, 50, axis=0), *np.zeros((2, 50, q.shape[1])))
     lowest = min(float(points[:, 2].min()) - radius for points, radius in parts)
@@ -322,20 +262,32 @@ def test_limits_of_joints_tool_and_torques_are_found() -> None:
     assert Code.TORQUE_RATE in judged(rate, turning(0.1)).codes
 
 
-def test_samples_of_other_joints_are_refused() -> None:
-    still = turning(0.0)
-    three = Samples(still.q[:, :3], still.dq[:, :3], still.ddq[:, :3])
-    with pytest.raises(tp.InputError, match=r"samples: must be \(N, 7\)"):
-        grip_use(space_of(tp.load_scene("pose")), three)
+def test_limits_that_are_broken_for_a_moment_are_found() -> None:
+    """The torque's with its margin; column's and floor's between the extremes of a swing."""
+    scene, swing = tp.load_scene("pose"), Samples(*states("pose", 1e-3 * np.arange(300)))
+    weak = judged(varied(scene, {"torque": (1e-3,) * 7}), swing).broken
+    peaks = [1e-3 * f.value / 0.95 for f in weak if f.code is Code.TORQUE]
+    strong = varied(scene, {"torque": tuple(peaks), "torque_rate": None}, torque=None)
+    for margin, broken in ((0.0, False), (0.1, True)):
+        found = judged(strong.replace(torque=tp.Torque(margin=margin)), swing).codes
+        assert (Code.TORQUE in found) == broken
+    space = space_of(scene)
+    pads = space.spatial.pads(*swing.rows)
+    away, height = space.column_distance(pads, 0.0, 5.0), pads.pose[:, 2, 3] - 0.3
+    for code, key, values in ((Code.COLUMN, "column_radius", away), (Code.FLOOR, "floor", height)):
+        middle = {key: float(values.min() + values.max()) / 2, "column_height": 5.0}
+        assert code in judged(varied(scene, workspace=middle), swing).codes
+    near = {"column_radius": float(away.min()) - 0.01, "column_height": 5.0}
+    assert Code.COLUMN not in judged(varied(scene, workspace=near), swing).codes
 
 
 # Between samples.
 
 
 @pytest.fixture(scope="module")
-def carry(cycled: Path) -> tuple[SpatialScene, Samples]:
-    """From rest at a pick to the last sample before the pads open."""
-    motion = read_motion(cycled)
+def carry(plan_of) -> tuple[SpatialScene, Samples]:
+    """From rest to the last sample before the pads open."""
+    motion = joint_motion(plan_of("pose"))
     one = motion.carries[0]
     return one.space, motion.samples[one.held : math.floor(1e3 * one.opening_time) + 1]
 
@@ -361,8 +313,9 @@ def test_the_grip_is_judged_between_samples_too() -> None:
     assert Code.CARRY not in judged(enough, samples).codes
 
 
+@pytest.mark.parametrize(("kind", "size"), [("sphere", (0.02,)), ("box", (0.03, 0.05, 0.02))])
 @pytest.mark.parametrize(("room", "ok"), [(0.003, True), (-0.0005, False)])
-def test_a_fast_motion_passes_as_near_as_the_clearance(room: float, ok: bool, carry) -> None:
+def test_a_fast_motion_passes_as_near_as_the_clearance(kind, size, room, ok, carry) -> None:
     """Distances are those of the path, not of the places that bodies have every 10 ms."""
     space, samples = carry
     thing = Carried.of(space.scene)
@@ -371,7 +324,8 @@ def test_a_fast_motion_passes_as_near_as_the_clearance(room: float, ok: bool, ca
     (end, _), *_ = thing.capsules
     tip = frames[-1].point(end[1])[0][fastest]
     place = tip + 0.1 * frames[-1].axes[fastest, :, 1]
-    post = Obstacle("post", "sphere", (0.02,), tuple(place.tolist()))
+    turn = (0.4, 0.6) if kind == "box" else (0.0, 0.0)
+    post = Obstacle("post", kind, size, tuple(place.tolist()), *turn)
     (axis, radius), *_ = thing.placed(frames[-1])
     away = Solid.of(post).distance(*axis).min() - radius
     post = dataclasses.replace(post, clearance=float(away - room))
@@ -394,14 +348,14 @@ def test_a_held_bar_s_distance_from_the_column_is_that_of_all_its_points() -> No
     assert (expected < 0.0).any() and (expected > 0.3).any()
 
 
-@pytest.mark.parametrize("above", [-0.01, 0.01])
-def test_an_empty_hand_stays_above_the_floor(above: float) -> None:
+def test_an_empty_hand_stays_above_the_floor() -> None:
     """Also of an arm whose data have no shapes."""
     scene = tp.load_scene("pose")
     scene = scene.replace(arm=dataclasses.replace(scene.arm, capsules=()))
     q = states("pose", np.array([0.1]))[0]
     still = Samples(np.repeat(q, 50, axis=0), *np.zeros((2, 50, q.shape[1])))
     height = space_of(scene).spatial.pads(*still.rows).pose[0, 2, 3]
-    found = judged(varied(scene, workspace={"floor": float(height) + above}), still, held=False)
-    broken = [(f.body, f.value) for f in found.broken if f.code is Code.FLOOR]
-    assert broken == ([("hand", pytest.approx(height))] if above > 0 else [])
+    for above in (-0.01, 0.01):
+        found = judged(varied(scene, workspace={"floor": float(height) + above}), still, held=False)
+        broken = [(f.body, f.value) for f in found.broken if f.code is Code.FLOOR]
+        assert broken == ([("hand", pytest.approx(height))] if above > 0 else [])

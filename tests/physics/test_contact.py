@@ -1,4 +1,4 @@
-"""PinchContact kinematics, wrenches, limits and the limit surface, from first principles."""
+"""Fails if a contact's kinematics, wrenches or limit surface break Newton, Euler or Coulomb."""
 
 import math
 
@@ -10,25 +10,13 @@ from release_cases import BAR
 from throwplan.models import HandMotion, PinchContact, pivot_wrench
 from throwplan.models.body import com_wrench, contact_twist
 
-relaxed = settings(deadline=None)
+relaxed = settings(deadline=None, max_examples=50)
 number = st.floats(-10, 10)
 triple = st.tuples(number, number, number)
 lever = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 positive = st.floats(0.01, 10)
 
 STEP = 1e-3
-
-
-def trajectory(t):
-    """CoM (x, z), angle of a body that moves freely; smooth, with all derivatives alive."""
-    return np.array([0.3 * math.sin(3 * t), 0.5 * t - 2 * t * t, 0.4 + 5 * t + 3 * math.cos(2 * t)])
-
-
-def grasped_point(t):
-    """The body's point a distance h behind its CoM, and the body's angle."""
-    x, z, theta = trajectory(t)
-    h = BAR.com_offset
-    return np.array([x - h * math.cos(theta), z - h * math.sin(theta), theta])
 
 
 def rate(function, t):
@@ -43,23 +31,12 @@ def second_rate(function, t):
     return (-f[0] + 16 * f[1] - 30 * f[2] + 16 * f[3] - f[4]) / (12 * STEP**2)
 
 
-def body_lever(t):
-    theta = trajectory(t)[2]
-    return BAR.com_offset * math.cos(theta), BAR.com_offset * math.sin(theta)
-
-
 @relaxed
 @given(twist=triple, wrench=triple, r=lever)
 def test_power_is_the_same_at_the_contact_and_at_the_com(twist, wrench, r):
     at_com = np.dot(com_wrench(*wrench, *r), twist)
     at_contact = np.dot(wrench, contact_twist(*twist, *r))
     assert at_com == pytest.approx(at_contact, rel=1e-12, abs=1e-10)
-
-
-@pytest.mark.parametrize("t", [0.0, 0.2, 0.7, 1.3])
-def test_contact_twist_is_the_rate_of_the_grasped_point(t):
-    twist = contact_twist(*rate(trajectory, t), *body_lever(t))
-    np.testing.assert_allclose(twist, rate(grasped_point, t), atol=1e-8)
 
 
 def pushed(t, turn):
@@ -75,9 +52,18 @@ def pushed(t, turn):
     return hand, com
 
 
+@pytest.mark.parametrize("t", [0.0, 0.7])
+def test_contact_twist_is_the_rate_of_the_grasped_point(t):
+    """The body turns against the hand, which holds one of its points."""
+    hand, com = pushed(t, 4.0)
+    twist = contact_twist(*rate(lambda time: pushed(time, 4.0)[1], t), *(com - hand)[:2])
+    expected = np.add(rate(lambda time: pushed(time, 4.0)[0], t), [0.0, 0.0, 4.0])
+    np.testing.assert_allclose(twist, expected, atol=1e-8)
+
+
 @pytest.mark.parametrize("gravity", [9.81, 0.0])
 @pytest.mark.parametrize("turn", [0.0, 4.0])
-@pytest.mark.parametrize("t", [0.0, 0.3, 0.9])
+@pytest.mark.parametrize("t", [0.3, 0.9])
 def test_pivot_wrench_is_newton_and_euler_of_a_carried_body(t, turn, gravity):
     hand, com = pushed(t, turn)
     x_r, z_r = com[:2] - hand[:2]

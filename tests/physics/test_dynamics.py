@@ -1,4 +1,4 @@
-"""Inverse dynamics in the plane against the oracle's of the whole arm, by virtual work in space."""
+"""Fails if planar inverse dynamics is not the oracle's of the whole arm, by virtual work."""
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,7 @@ GRAVITY = 9.81
 LOAD = (3.0, -7.0, 0.4)
 
 
-@pytest.mark.parametrize("name", ["pose", "fr3", "gen3"])
+@pytest.mark.parametrize("name", ["pose", "gen3"])
 def test_torques_are_those_of_the_whole_arm(name):
     """Of an empty hand, and what a load adds."""
     motion, t = swinging(name), np.linspace(0.02, 0.38, 20)
@@ -33,10 +33,9 @@ def test_torques_are_those_of_the_whole_arm(name):
         assert np.abs(loaded - free - lever @ LOAD).max() < 1e-9
 
 
-@pytest.mark.parametrize("name", ["near-cup", "fr3"])
-def test_the_step_of_load_is_that_of_the_released_object(name, loud_plan_of):
+def test_the_step_of_load_is_that_of_the_released_object(loud_plan_of):
     """By Newton's and Euler's laws from the oracle's release and its arm, within a millisecond."""
-    plan = loud_plan_of(name)
+    plan = loud_plan_of("near-cup")
     oracle, thing, steps = oracle_of(plan), plan.scene.object, plan.to_dict()["torque"]["load_step"]
     release = released(oracle.held(oracle.columns({}, 1)), oracle.hand, "ls-step", 1000)
     times, com = release.times[:, 0], release.com[:, 0]

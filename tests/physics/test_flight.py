@@ -1,4 +1,5 @@
-"""Ballistic flight: against integration, and every way of missing a height."""
+"""Fails if a flight is not the integral of its equations, or falls through a height at another
+time than the last."""
 
 import math
 
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from throwplan.models import FlightLaw, FlightState
 
-relaxed = settings(deadline=None)
+relaxed = settings(deadline=None, max_examples=50)
 position, speed, rate = st.floats(-5, 5), st.floats(-10, 10), st.floats(-60, 60)
 states = st.builds(FlightState, position, position, position, speed, speed, rate)
 times = st.floats(0, 3)
@@ -55,16 +56,9 @@ def test_time_to_height_is_the_last_crossing_and_downwards(state, height, gravit
 
 @relaxed
 @given(state=states, height=position, gravity=gravities)
-def test_a_start_above_the_height_always_comes_down(state, height, gravity):
-    assume(state.z >= height)
-    assert math.isfinite(FlightLaw(gravity).fall_time(state, height))
-
-
-@relaxed
-@given(state=states, height=position, gravity=gravities)
-def test_a_target_above_is_reached_only_below_the_apex(state, height, gravity):
+def test_a_height_is_reached_only_below_the_apex(state, height, gravity):
     apex = state.z + max(state.v_z, 0.0) ** 2 / (2 * gravity)
-    assume(height > state.z and abs(height - apex) > 1e-6)
+    assume(abs(height - apex) > 1e-6)
     assert math.isfinite(FlightLaw(gravity).fall_time(state, height)) == (height < apex)
 
 

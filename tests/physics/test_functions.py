@@ -1,14 +1,11 @@
-"""The models as CasADi functions: against the exact releases, differences, and themselves."""
-
-import math
-import re
+"""Fails if the models as CasADi functions differ from the exact releases, the C core, or their
+derivatives from differences."""
 
 import casadi as ca
 import numpy as np
 import pytest
-from release_cases import VALUES, function_inputs, reference_case, smoothed
-from throwplan import models
-from throwplan.models import FlightLaw, flight, limit_surface_step, release_dynamics
+from release_cases import function_inputs, reference_case, smoothed
+from throwplan.models import flight, limit_surface_step, release_dynamics
 from throwplan.models.release import SteppedRelease, exact_pivot_release
 
 FUNCTIONS = {each.__name__: each() for each in (release_dynamics, limit_surface_step, flight)}
@@ -31,7 +28,7 @@ INPUTS = {
 }
 
 
-@pytest.mark.parametrize("name", VALUES)
+@pytest.mark.parametrize("name", ["drop_h100_faces2", "throw_decelerating"])
 def test_release_dynamics_is_the_exact_release_up_to_the_smoothing(name) -> None:
     """The error falls with the square of the width: halving it removes three quarters."""
     case = reference_case(name)
@@ -39,7 +36,7 @@ def test_release_dynamics_is_the_exact_release_up_to_the_smoothing(name) -> None
     assert np.linalg.norm(narrow - exact) < 0.4 * np.linalg.norm(wide - exact) < 0.02
 
 
-@pytest.mark.parametrize("name", VALUES)
+@pytest.mark.parametrize("name", ["drop_h100_faces2", "throw_decelerating"])
 def test_limit_surface_steps_are_those_of_the_core(name) -> None:
     case, steps = reference_case(name), 100
     dt, state, step = case.grip.opening / steps, case.start(), FUNCTIONS["limit_surface_step"]
@@ -58,25 +55,23 @@ def test_limit_surface_steps_are_those_of_the_core(name) -> None:
     np.testing.assert_allclose(np.array(state).ravel(), expected, rtol=1e-7, atol=1e-9)
 
 
-@pytest.mark.parametrize("v_z", [2.0, 0.0, -2.0])
-def test_flight_lands_on_the_parabola(v_z) -> None:
-    start = np.array([0.2, 0.95, 0.4, 1.5, v_z, 5.0])
-    found = FUNCTIONS["flight"](object=start, height=0.2)
-    time = float(found["time"])
-    assert 0.95 + v_z * time - 9.81 / 2 * time**2 == pytest.approx(0.2)
-    assert v_z - 9.81 * time < 0.0
-    x, z, theta = np.array(found["landing"]).ravel()
-    assert (x, z, theta) == pytest.approx((0.2 + 1.5 * time, 0.2, 0.4 + 5.0 * time))
-    assert (x, theta, time) == pytest.approx(tuple(FlightLaw(9.81).land(start[None], 0.2)[0]))
-    assert math.isnan(FUNCTIONS["flight"](object=start, height=2.0)["time"])
+#: Where 0/0 waits: no wrench, with and without grip and offset.
+QUIET = {"state": [0.0, 0, 0.3, 0, 0, 0], "twist": [0.0, 0, 0], "acceleration": [0.0, -9.81, 0]}
 
 
-@pytest.mark.parametrize("stuck", [False, True])
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_derivatives_are_those_of_differences(name, stuck) -> None:
-    function, inputs = FUNCTIONS[name], {k: np.array(v) for k, v in INPUTS[name].items()}
-    if stuck and name != "flight":
-        inputs["normal_force"] = np.array(200.0)
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        *((name, {}) for name in FUNCTIONS),
+        *((name, {"normal_force": 200.0}) for name in FUNCTIONS if name != "flight"),
+        ("release_dynamics", QUIET),
+        ("release_dynamics", QUIET | {"normal_force": 0.0}),
+        ("release_dynamics", QUIET | {"normal_force": 0.0, "com_offset": 0.0}),
+    ],
+)
+def test_derivatives_are_those_of_differences(name, changes) -> None:
+    function = FUNCTIONS[name]
+    inputs = {key: np.array(value) for key, value in (INPUTS[name] | changes).items()}
     symbols = [ca.SX.sym(each, function.size1_in(each)) for each in function.name_in()]
     outputs = ca.vertcat(*function(*symbols)) if function.n_out() > 1 else function(*symbols)
     jacobian = ca.Function("jacobian", symbols, [ca.jacobian(outputs, ca.vertcat(*symbols))])
@@ -96,35 +91,3 @@ def test_derivatives_are_those_of_differences(name, stuck) -> None:
         np.testing.assert_allclose(
             found[:, i], slope, rtol=1e-4, atol=1e-5 * (1 + abs(slope).max())
         )
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_a_map_is_a_loop(name) -> None:
-    function, count, rng = FUNCTIONS[name], 5, np.random.default_rng(0)
-    columns = {
-        key: np.reshape(value, (-1, 1)) * rng.uniform(0.9, 1.1, count)
-        for key, value in INPUTS[name].items()
-    }
-    together = function.map(count)(**columns)
-    for i in range(count):
-        alone = function(**{key: rows[:, i] for key, rows in columns.items()})
-        for key, rows in together.items():
-            np.testing.assert_array_equal(np.array(rows)[:, i], np.array(alone[key]).ravel())
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_docstrings_name_all_inputs_and_outputs(name) -> None:
-    words = re.findall(r"\w+", getattr(models, name).__doc__)
-    names = [*FUNCTIONS[name].name_in(), *FUNCTIONS[name].name_out()]
-    assert set(names) <= set(words)
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_what_has_no_usual_value_is_not_left_out_in_silence(name) -> None:
-    """Friction of a square pad, gravity and width have; all else makes the outputs NaN."""
-    usual = {"torsion", "faces", "gravity", "width"}
-    for left_out in INPUTS[name]:
-        given = {key: value for key, value in INPUTS[name].items() if key != left_out}
-        outputs = FUNCTIONS[name](**given).values()
-        finite = all(np.isfinite(np.array(each)).all() for each in outputs)
-        assert finite == (left_out in usual)

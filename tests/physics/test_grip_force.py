@@ -1,16 +1,13 @@
-"""Grip-force profiles: what is between the samples, and which tables are refused."""
-
-import dataclasses
-import math
+"""Fails if a grip force is not that of its samples, rises in its fall, or is taken from a recording
+with the sensor's offset, drift or noise."""
 
 import numpy as np
 import pytest
-import throwplan as tp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from throwplan.models.release import LinearGrip, TableGrip
 
-relaxed = settings(deadline=None)
+relaxed = settings(deadline=None, max_examples=50)
 
 #: A gripper at 1 kHz: 50 N for 40 ms, then a curved fall to zero over 60 ms, then nothing.
 TIMES = np.arange(0.0, 0.1205, 0.001)
@@ -51,24 +48,15 @@ def test_a_table_of_a_straight_fall_is_the_linear_release():
     np.testing.assert_allclose(table.force(inner), linear.force(inner), atol=1e-9)
 
 
-def test_a_table_passes_through_its_samples():
-    release = TableGrip(TIMES, FORCES)
-    falling = (release.dwell - 1e-12 <= TIMES) & (release.dwell + release.opening >= TIMES)
-    np.testing.assert_allclose(
-        release.force(TIMES[falling] - release.dwell), FORCES[falling], atol=1e-9
-    )
-
-
-def test_dwell_ends_where_the_force_starts_to_fall():
-    release = TableGrip(TIMES, FORCES)
-    assert release.dwell == pytest.approx(0.04, abs=0.001)
-    assert release.dwell + release.opening == pytest.approx(0.1, abs=0.001)
-
-
-def test_small_noise_on_the_plateau_is_dwell():
+def test_a_table_passes_through_its_samples_and_noise_before_the_fall_is_dwell():
     noise = np.where(TIMES < 0.035, 0.2 * np.sin(1e4 * TIMES), 0.0)
-    release = TableGrip(TIMES, FORCES + noise)
-    assert release.dwell == pytest.approx(0.04, abs=0.001)
+    release = TableGrip(TIMES, FORCES)
+    for each in (release, TableGrip(TIMES, FORCES + noise)):
+        assert each.dwell == pytest.approx(0.04, abs=0.001)
+    assert release.dwell + release.opening == pytest.approx(0.1, abs=0.001)
+    falling = (release.dwell - 1e-12 <= TIMES) & (release.dwell + release.opening >= TIMES)
+    found = release.force(TIMES[falling] - release.dwell)
+    np.testing.assert_allclose(found, FORCES[falling], atol=1e-9)
 
 
 @relaxed
@@ -95,8 +83,8 @@ def test_between_samples_the_force_never_rises_or_overshoots(table):
         assert ((part >= f_low - none) & (part <= f_high + none)).all()
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.02, 0.05, 0.2, 0.8])
-@pytest.mark.parametrize("drift", [0.0, 0.1, 0.4, 1.0, 3.0])
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.8])
+@pytest.mark.parametrize("drift", [0.0, 0.4, 3.0])
 def test_a_drift_of_the_sensor_is_no_force_of_the_pads(drift: float, noise: float) -> None:
     """The pads let go after 58 ms; the sensor then loses `drift` [N] in some tenths of a second."""
     t = np.arange(0.0, 0.8, 0.0005)
@@ -115,63 +103,9 @@ def test_a_drift_of_the_sensor_is_no_force_of_the_pads(drift: float, noise: floa
     assert len(found) == 4 or drift > 3 * noise
 
 
-def test_a_falling_table_that_drifts_at_its_end_is_refused() -> None:
-    t = np.arange(0.0, 0.5, 0.001)
-    force = 80.0 * np.clip(1.0 - (t - 0.05) / 0.05, 0.0, 1.0) + 0.4 * np.clip(
-        1 - t / 0.49, 0.0, 1.0
-    )
-    with pytest.raises(ValueError, match="cannot be told from a drift"):
-        TableGrip(t, force)
-
-
-@pytest.mark.parametrize(("rows", "apart"), [(101, False), (6, True)])
-def test_rows_every_half_millisecond_leave_nothing_to_interpolation(
-    loud_plan_of, rows, apart
-) -> None:
-    """The landing by monotone cubics and by straight lines between the rows, as the page says."""
-    throw = loud_plan_of("hand-flip").throw.deciding
-    gripper, t = throw.scene.gripper, np.linspace(0.0, 0.05, rows)
-    fall, fine = (1 + np.cos(np.pi * t / t[-1])) / 2, np.linspace(0.0, 0.05, 1001)
-    landings = []
-    for times, shares in ((t, fall), (fine, np.interp(fine, t, fall))):
-        forces = gripper.force * np.append(1.0, shares)
-        recorded = tp.Gripper(times=(0.0, *(gripper.dwell + times)), forces=tuple(forces))
-        # From where each of them begins to fall.
-        opens = throw.opening_time + recorded.profile().dwell - gripper.dwell
-        scene = throw.scene.replace(gripper=recorded)
-        landing = dataclasses.replace(throw, scene=scene, opening_time=opens).landing
-        landings.append((landing.x, landing.theta))
-    dx, dtheta = np.abs(np.subtract(*landings))
-    assert (dx > 1e-4 or dtheta > math.radians(0.1)) == apart
-
-
-@pytest.mark.parametrize("noise", [0.2, 0.8, 2.0])
-def test_the_full_grip_of_a_noisy_recording_is_no_single_sample(noise):
-    t = np.arange(0.0, 0.2, 0.001)
-    u = np.clip((t - 0.04) / 0.05, 0.0, 1.0)
-    true = 90.0 * (1 - 3 * u**2 + 2 * u**3)
-    found = []
-    for seed in range(20):
-        raw = true + 1.5 + noise * np.random.default_rng(seed).normal(size=t.size)
-        found.append(TableGrip.from_recording(t, raw).full)
-        if noise > 1.0:  # that hides the slope of a few samples
-            continue
-        # Cut off while there is force on the pads: what is left is no offset.
-        with pytest.raises(ValueError, match="must go on, level"):
-            TableGrip.from_recording(t[t < 0.075], raw[t < 0.075])
-    assert np.abs(np.array(found) - 90.0).max() < 0.5 + noise
-    assert np.std(found) < noise / 3
-
-
 @pytest.mark.parametrize(
-    ("forces", "message"),
-    [
-        (np.zeros(100), "must start at the full grip and fall"),
-        (np.full(100, 80.0), "must start at the full grip and fall"),
-        (np.full(100, np.nan), "not a finite number"),
-        (np.ones(5), "needs at least 20 rows"),
-    ],
+    "forces", [np.zeros(100), np.full(100, 80.0), np.full(100, np.nan), np.ones(5)]
 )
-def test_a_raw_force_without_a_fall_is_refused(forces, message):
-    with pytest.raises(ValueError, match=message):
+def test_a_raw_force_without_a_fall_is_refused(forces):
+    with pytest.raises(ValueError):
         TableGrip.from_recording(0.001 * np.arange(len(forces)), forces)

@@ -1,4 +1,5 @@
-"""LuGre bristles: an independent integration, the rigid limit, rest, damping, energy."""
+"""Fails if LuGre bristles differ from an independent integration of the law as printed, from the
+rigid patch as they stiffen, or give energy."""
 
 from __future__ import annotations
 
@@ -6,13 +7,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from release_cases import BAR, VALUES, energy_of, reference_case
+from release_cases import energy_of, reference_case
 from scipy.integrate import solve_ivp
-from throwplan.models import PinchContact, Trajectory
 from throwplan.models.release import LinearGrip, ReleaseCase
 from throwplan.models.release.patch import PatchRelease, critical_damping, disc
 
-CASES = sorted(VALUES)
 DROP = "drop_h100_faces2"
 
 
@@ -46,11 +45,7 @@ def reference(case: ReleaseCase, model: PatchRelease) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "model",
-    [
-        PatchRelease(points=8, stiffness=1e5, steps=2000),
-        PatchRelease(points=8, stiffness=1e6, damping_ratio=0.3, steps=2000),
-    ],
+    "model", [PatchRelease(points=8, stiffness=1e6, damping_ratio=0.3, steps=2000)]
 )
 def test_agrees_with_an_independent_integration(model: PatchRelease) -> None:
     # A light load at first, so that linear and loaded bristles are the same.
@@ -61,7 +56,7 @@ def test_agrees_with_an_independent_integration(model: PatchRelease) -> None:
     np.testing.assert_allclose(found[:3], expected[:3], atol=1e-4)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [DROP, "throw_decelerating"])
 def test_stiff_bristles_become_the_rigid_patch(name: str) -> None:
     case = reference_case(name)
     rigid = PatchRelease(steps=300).release(case).end
@@ -75,33 +70,11 @@ def test_stiff_bristles_become_the_rigid_patch(name: str) -> None:
     assert apart[3] < 3e-4
 
 
-def test_a_gripped_bar_stays_put() -> None:
-    contact, hand = PinchContact(0.8, 0.0075), Trajectory.accelerating((0.0, 0.0, 0.4))
-    case = ReleaseCase(BAR, contact, LinearGrip(400.0, 0.0, 0.05), hand)
-    release = PatchRelease(stiffness=1e6).release(case)
-    # In the first half bristles bend further as the grip falls: less than mu / sigma_0.
-    moved = np.abs(release.com[:, :250] - release.com[:, :1]).max(axis=1)
-    across = contact.friction / 1e6
-    assert moved[2] < across / float(contact.torsion_arm)
-    assert moved[:2].max() < across * BAR.com_offset / float(contact.torsion_arm)
-
-
-def test_bristles_start_loaded() -> None:
-    case = reference_case(DROP)
-    release = PatchRelease(stiffness=1e5).release(case)
-    # Empty bristles would let the bar fall freely in the first steps.
-    assert release.wrench is not None
-    weight = case.body.mass * case.gravity
-    assert release.wrench[1, :5] == pytest.approx(weight, rel=0.02)
-    assert release.wrench[2, :5] == pytest.approx(weight * case.body.com_offset, rel=0.02)
-
-
 def test_a_still_hand_gives_no_energy_beyond_that_of_the_bristles() -> None:
     # Bristles hold at most N mu^2 / (2 sigma_0), and lose it as the grip falls.
-    for name in ("drop_h100_faces1", "drop_h020_faces2"):
-        for ratio in (0.1, 10.0):
-            case = reference_case(name)
-            release = PatchRelease(stiffness=1e5, damping_ratio=ratio).release(case)
-            energy = energy_of(case, release)
-            bristles = case.contact.faces * case.grip.full * case.contact.friction**2 / 2e5
-            assert (energy <= energy[0] + bristles).all()
+    case = reference_case("drop_h100_faces1")
+    for ratio in (0.1, 10.0):
+        release = PatchRelease(stiffness=1e5, damping_ratio=ratio).release(case)
+        energy = energy_of(case, release)
+        bristles = case.contact.faces * case.grip.full * case.contact.friction**2 / 2e5
+        assert (energy <= energy[0] + bristles).all()

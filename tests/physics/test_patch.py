@@ -1,4 +1,4 @@
-"""Meshed patch: mesh, closed forms, dry friction's laws, and the limit surface beside it."""
+"""Fails if a meshed patch breaks closed forms, dry friction's laws, or leaves the limit surface."""
 
 from __future__ import annotations
 
@@ -8,31 +8,19 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from release_cases import BAR, VALUES, energy_of, landed, log_floats, reference_case, sliding_wrench
+from release_cases import landed, log_floats, reference_case, sliding_wrench
 from throwplan.models import Body, PinchContact, Trajectory
 from throwplan.models.release import LinearGrip, ReleaseCase, SteppedRelease
-from throwplan.models.release.patch import (
-    CREEP,
-    RADIUS_PER_ARM,
-    PatchRelease,
-    PointSolver,
-    SlipProblem,
-    disc,
-)
+from throwplan.models.release.patch import CREEP, PatchRelease, PointSolver, SlipProblem, disc
 
-CASES = sorted(VALUES)
 BLOCK = Body(0.24, 5.35e-4, 0.0)
 PADS = PinchContact(0.8, 0.0075)
 GRIP = LinearGrip(50.0, 0.0, 0.05)
-REST = Trajectory.accelerating((0.0, 0.0, 0.0))
 PRESSURES = ("uniform", "hertz")
 
 
-# The mesh.
-
-
 @pytest.mark.parametrize("pressure", PRESSURES)
-@pytest.mark.parametrize("points", [8, 30, 64, 400])
+@pytest.mark.parametrize("points", [8, 64])
 def test_pure_torsion_is_the_arm_of_the_contact(pressure: str, points: int) -> None:
     patch = disc(pressure, points)
     assert patch.weights.sum() == pytest.approx(1.0, abs=1e-12)
@@ -40,17 +28,6 @@ def test_pure_torsion_is_the_arm_of_the_contact(pressure: str, points: int) -> N
     assert spun == pytest.approx([0.0, 0.0, -1.0], abs=1e-12)
     assert sliding_wrench(patch, np.array([3.0, 4.0, 0.0])) == pytest.approx([-0.6, -0.8, 0.0])
     assert points - math.isqrt(points) <= len(patch.x) <= points
-
-
-@pytest.mark.parametrize(("pressure", "second"), [("uniform", 1 / 2), ("hertz", 2 / 5)])
-def test_moments_of_the_pressure(pressure: str, second: float) -> None:
-    # Mean rho^2 of the disc: R^2 / 2 under uniform pressure, 2 R^2 / 5 under Hertz's.
-    patch, radius = disc(pressure), RADIUS_PER_ARM[pressure]
-    rho2 = patch.x**2 + patch.z**2
-    assert patch.weights @ rho2 == pytest.approx(second * radius**2, rel=1e-12)
-    assert rho2.max() < radius**2
-    for odd in (patch.x, patch.z, patch.x * patch.z, patch.x * rho2):
-        assert patch.weights @ odd == pytest.approx(0.0, abs=1e-14)
 
 
 @pytest.mark.parametrize("pressure", PRESSURES)
@@ -64,20 +41,13 @@ def test_limit_surface_lies_just_inside_the_ellipsoid(pressure: str) -> None:
     assert 1 - 0.067 < min(sizes) < (1 - 0.065 if pressure == "uniform" else 1 - 0.05)
 
 
-def test_unknown_pressure_and_too_few_points_are_refused() -> None:
-    with pytest.raises(ValueError, match="'flat' is not one of uniform, hertz"):
-        disc("flat")
-    with pytest.raises(ValueError, match="at least 8, got 4"):
-        disc(points=4)
-
-
 # One step.
 
 
 speeds = st.floats(-1, 1, allow_subnormal=False)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=50)
 @given(
     mass=log_floats(1e-3, 10),
     lever=st.tuples(st.floats(-200, 200), st.floats(-200, 200)),
@@ -128,12 +98,11 @@ def converged(pressure: str, held: ReleaseCase) -> np.ndarray:
 
 
 @pytest.mark.parametrize("pressure", PRESSURES)
-@pytest.mark.parametrize("angle", [0.0, 0.7])
-def test_pure_translation(pressure: str, angle: float) -> None:
+def test_pure_translation(pressure: str) -> None:
     # Friction carries m a until the grip is too weak at t_s, then its impulse is
     # integral of f_max, from t_s to the end: f_0 T (m a / f_0)^2 / 2.
     a = np.array([-6.0, 8.0])
-    hand = Trajectory.accelerating((0.0, 0.0, angle), (1.0, 0.5, 0.0), (*a, 0.0))
+    hand = Trajectory.accelerating((0.0, 0.0, 0.7), (1.0, 0.5, 0.0), (*a, 0.0))
     _, _, _, v_x, v_z, omega = converged(pressure, case(BLOCK, hand))
     share = BLOCK.mass * float(np.hypot(*a)) / float(PADS.force_limit(GRIP.full))
     gain = a * GRIP.opening * (1 - share + share / 2)
@@ -154,15 +123,12 @@ def test_pure_rotation(pressure: str) -> None:
     gain = alpha * GRIP.opening * (1 - share / 2)
     assert omega - 2.0 == pytest.approx(gain, rel=1e-4)
     np.testing.assert_allclose([v_x, v_z], 0.0, atol=1e-9)
-    release = PatchRelease(pressure=pressure).release(held)
-    assert release.wrench is not None
-    assert np.abs(release.wrench[2]).max() <= limit * (1 + 1e-9)
 
 
 # Releases.
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", ["drop_h020_faces1", "throw_accelerating"])
 def test_releases_land_beside_those_of_the_limit_surface(name: str) -> None:
     # Random throws differ by 0.7 mm and 1.3 deg at most, by less in nine of ten.
     patch = PatchRelease(steps=1000).release(reference_case(name))
@@ -171,20 +137,3 @@ def test_releases_land_beside_those_of_the_limit_surface(name: str) -> None:
     (x, theta), (x_s, theta_s) = landed(patch), landed(surface)
     assert abs(x - x_s) < 0.8e-3
     assert abs(theta - theta_s) < math.radians(0.5)
-
-
-def test_the_patch_turns_with_the_hand() -> None:
-    # Without gravity a whole throw may be turned: 8 points do not lie evenly in all directions.
-    model, turn = PatchRelease(points=8), 1.1
-    c, s = math.cos(turn), math.sin(turn)
-    rotation = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    parts = np.array([[0.0, 0.0, 0.4], [1.0, 1.5, 3.0], [-9.0, -6.0, -40.0]])
-    turned = parts @ rotation.T + [[0, 0, turn], [0, 0, 0], [0, 0, 0]]
-    a, b = (model.release(case(BAR, Trajectory.accelerating(*p))) for p in (parts, turned))
-    np.testing.assert_allclose(rotation @ a.com[:, -1] + [0, 0, turn], b.com[:, -1], atol=1e-8)
-    np.testing.assert_allclose(rotation @ a.com_twist[:, -1], b.com_twist[:, -1], atol=1e-7)
-
-
-def test_energy_only_falls_in_a_still_hand() -> None:
-    still = ReleaseCase(BAR, PADS, GRIP, REST)
-    assert np.diff(energy_of(still, PatchRelease(steps=200).release(still))).max() <= 1e-13

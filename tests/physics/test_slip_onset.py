@@ -1,4 +1,4 @@
-"""Onset of slip on a limit surface: known answers, and what the steps do around it."""
+"""Fails if a held bar begins to slip at another instant than its wrench meets the limit surface."""
 
 from __future__ import annotations
 
@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 from release_cases import VALUES, reference_case
 from throwplan.models import Trajectory
-from throwplan.models.body import contact_twist
 from throwplan.models.release import ImplicitRelease, KarnoppRelease, SteppedRelease
-from throwplan.models.release.patch import PatchRelease
 
 GRAVITY = 9.81
 
 
-@pytest.mark.parametrize("name", ["drop_h100_faces2", "drop_h020_faces2"])
-def test_a_level_bar_slips_where_its_weight_reaches_the_ellipsoid(name: str) -> None:
-    case = reference_case(name)
+def test_a_level_bar_slips_where_its_weight_reaches_the_ellipsoid() -> None:
+    case = reference_case("drop_h020_faces2")
     arm = case.body.com_offset / case.contact.torsion_arm
     force = case.body.mass * GRAVITY * np.sqrt(1 + arm**2) / (2 * case.contact.friction)
     when = case.grip.opening * (1 - force / case.grip.full)
@@ -36,17 +33,6 @@ def test_the_held_wrench_is_on_the_surface_at_the_onset(name: str) -> None:
         assert use >= 1
     else:
         assert use == pytest.approx(1, rel=1e-9)
-
-
-def test_steps_stick_before_the_onset_and_slip_after_it() -> None:
-    case = reference_case("throw_decelerating")
-    release = SteppedRelease(2000).release(case)
-    hand = case.hand.at(release.times)
-    lever = release.com[:2] - hand.pose[:2]
-    slip = np.array(contact_twist(*release.com_twist, *lever)) - hand.twist
-    spin, step = np.abs(slip[2]), release.times[1]
-    assert spin[release.times < release.pivot - step].max() < 1e-9
-    assert spin[release.times > release.pivot + 2 * step].min() > 1e-6
 
 
 def test_a_hand_that_falls_freely_never_lets_a_body_slip() -> None:
@@ -72,12 +58,3 @@ def test_a_jerk_of_the_hand_is_found_to_the_instant() -> None:
     hand = Trajectory.stepping((0, 0, 0), (0, 0, 0), (0.0, 0.0123), pulls)
     case = dataclasses.replace(reference_case("drop_h100_faces2"), hand=hand)
     assert case.slip_onset()[0] == pytest.approx(0.0123, abs=1e-9)
-
-
-@pytest.mark.parametrize("name", ["drop_h100_faces2", "throw_decelerating"])
-def test_the_patch_slips_about_when_the_ellipsoid_does(name: str) -> None:
-    case = reference_case(name)
-    release, (when, _) = PatchRelease(steps=1000).release(case), case.slip_onset()
-    assert when is not None and release.pivot == release.slide is not None
-    # Its limit is inside the ellipsoid by up to 7 %; a step is 0.05 ms.
-    assert when - 0.07 * case.grip.opening < release.pivot < when + 1e-4
