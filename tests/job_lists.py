@@ -6,22 +6,12 @@ takes another of `KINDS`, a third one the number of objects. Needs the extra `mu
 
 from __future__ import annotations
 
-import collections
 import math
 import sys
-import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
-from throwplan import Planner
-from throwplan.cycles import Cycle, plan_cycle
-from throwplan.cycles.job_files import Jobs, load_jobs
-from throwplan.lab import ObjectReplay, replay
-from throwplan.planner.result import Plan, sent_motion
-from throwplan.planner.throw import TICK, State, joint_limits, transfer
 
-from oracle import broken_limits
 
 #: The scene of all lists.
 POSE = Path(__file__).parents[1] / "problems/scenes/pose.toml"
@@ -141,85 +131,6 @@ def _posts(random: np.random.Generator) -> str:
         kind, size = ("box", [0.05, 0.1, height]) if n else ("capsule", [0.03, height - 0.06])
         found += POST.format(n=n + 1, kind=kind, size=[round(s, 3) for s in size], **place)
     return found
-
-
-def study(count: int, kind: str = KINDS[0], picks: int = 8) -> None:
-    """Plan and judge random lists, and print times an object and their median and 90 %."""
-    names = ["thrown", "one by one", "ratio", "planning"]
-    print("time an object [s]:", ", ".join(names))
-    rows, broken, unsolved, thrown = list[list[float]](), 0, 0, list[ObjectReplay]()
-    for seed in range(count):
-        with tempfile.TemporaryDirectory() as name:
-            jobs = load_jobs(write_random_jobs(Path(name), seed, kind, picks))
-            begin = time.process_time()
-            cycle = plan_cycle(jobs)
-            spent = time.process_time() - begin
-            if not cycle.solved:
-                print(seed, cycle.message, flush=True)
-                unsolved += 1
-                continue
-            cycle.save(name)
-            found = broken_limits(Path(name))
-            replays = replay(name).objects
-        thrown += replays
-        alone = one_by_one(jobs, cycle)
-        row = [cycle.duration, alone, cycle.duration / alone * picks, spent]
-        rows.append([value / picks for value in row])
-        broken += bool(found)
-        print(seed, *(f"{value:.3f}" for value in rows[-1]), found, flush=True)
-    print(f"{len(rows)} of {count} solved, {unsolved} not, {broken} with a broken limit")
-    print_replays(thrown)
-    for words, share in (("median", 0.5), ("90 %", 0.9)):
-        print(words, *(f"{value:.3f}" for value in np.nanquantile(rows, share, axis=0)))
-
-
-def one_by_one(jobs: Jobs, cycle: Cycle) -> float:
-    """Time [s] of the same jobs in the same order, as plans and Ruckig's motions of rest to rest.
-
-    Each throw is planned in the least time from where the plan chooses to begin. Nothing waits in
-    the way of the motions between, so the time is a lower bound.
-    """
-    assert cycle.motion is not None
-    motion, limits = cycle.motion, joint_limits(jobs.arm, range(jobs.arm.joints))
-    place, plans = motion.q[0], list[Plan]()
-    total = sum(pick.grasp_time for pick in jobs.picks)
-
-    def move(to: np.ndarray) -> float:
-        found = transfer(limits, *(State(q, 0 * q, 0 * q) for q in (place, to)))
-        assert found is not None
-        return TICK * found.ticks
-
-    for one in motion.carries:
-        scene = one.throw.scene
-        plan = next((each for each in plans if each.scene == scene), None)
-        if plan is None:
-            plan = Planner(scene, library=False).plan()
-            plans.append(plan)
-        if not plan.solved:
-            return math.nan
-        swing = sent_motion(plan)
-        for goal in (motion.q[one.reach], swing.q[0]):
-            total, place = total + move(goal), goal
-        total, place = total + swing.duration, swing.q[-1]
-    return total + move(motion.q[-1])
-
-
-def print_replays(replays: list[ObjectReplay]) -> None:
-    """Print how the objects of all lists are held and land in MuJoCo."""
-    free = [one for one in replays if not (one.collisions["carried"] + one.collisions["flying"])]
-    dx, dtheta = np.abs([one.off("target") for one in free]).T
-    off, angle = 1e3 * np.hypot(dx, [one.aside for one in free]), np.degrees(dtheta)
-    slip, turn = 1e3 * max(one.slip for one in free), math.degrees(max(one.turn for one in free))
-    inside, unhurt = (sum(one.inside for one in some) for some in (replays, free))
-    print(f"in MuJoCo {inside} of {len(replays)} objects land inside their tolerance")
-    print(f"  {unhurt} of the {len(free)} that hit nothing on their way:", end=" ")
-    print(f"at most {off.max():.2f} mm and {np.nanmax(angle):.2f} deg off,", end=" ")
-    print(f"slip while carried at most {slip:.3f} mm and {turn:.3f} deg")
-    for phase in ("waiting", "carried", "flying"):
-        bodies = collections.Counter(
-            name.rstrip("0123456789 ") for one in replays for name in one.collisions[phase]
-        )
-        print(f"  hit while {phase}: {dict(bodies)}")
 
 
 if __name__ == "__main__":

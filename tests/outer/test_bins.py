@@ -49,14 +49,6 @@ def test_random_bins_take_whole_objects(shape: str) -> None:
     assert distance(tp.plan(scene)) >= scene.bin.clearance - NEAR
 
 
-@pytest.mark.slow
-def test_ten_boxes_and_ten_round_bins_take_whole_objects() -> None:
-    throws = list(bin_study.throws(10))
-    assert [one.words for one in throws if one.plan.solved and one.broken] == []
-    assert all(one.distance >= one.plan.scene.bin.clearance - NEAR for one in throws)
-    assert sum(one.plan.solved for one in throws) >= 18
-
-
 def test_an_object_with_an_outline_goes_in_turned_walls_or_not() -> None:
     for changes in ({"yaw": math.radians(50.0)}, {**ROUND, "length": None, "width": None}):
         scene = into(**changes).replace(object=TEE)

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-import re
-import shlex
-import subprocess
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import MADE_THROWS, loud, made_throws
+from builders import loud, made_throws
 from throwplan import lab, robots
 from throwplan.models import TableGrip
 
@@ -156,24 +152,6 @@ def test_a_hidden_bias_is_halved(plans, tmp_path):
     assert sizes[1] < 0.5 * sizes[0]
 
 
-@pytest.mark.slow
-def test_the_region_covers_new_throws_of_any_distribution(plans, tmp_path):
-    """Correlated residuals with heavy tails: 100 data sets of 20 throws, 50 new ones of each."""
-    rng, inside = np.random.default_rng(8), []
-    folder, made = plans
-    x, theta = predicted(made[0])
-    mix = np.array([[0.01, 0.0], [0.08, 0.03]])
-    for _ in range(100):
-        drawn = rng.standard_t(3, (70, 2)) @ mix.T + BIAS
-        lines = [f"a,{x + dx},{theta + turn}" for dx, turn in np.clip(drawn[:20], -0.9, 0.9)]
-        (folder / "throws.csv").write_text("\n".join(["plan,x,theta", *lines]))
-        known = lab.calibrate(folder / "throws.csv", "pose").section
-        off = np.abs(drawn[20:] - known.bias) <= (known.position, known.angle)
-        inside.append(off.all(axis=1).mean())
-    # Of 100 sets the mean has a standard error below 0.01.
-    assert 0.87 < np.mean(inside) < 0.96
-
-
 # Plans with a calibration.
 
 
@@ -307,37 +285,6 @@ def test_recordings_are_predicted_by_the_scene(recorded):
 
 
 @pytest.mark.slow
-def test_the_page_of_the_shipped_throws_leads_to_a_plan(run, tmp_path, monkeypatch):
-    """Its commands in turn, with a fifth of the throws: the plan aims beside its target by the bias
-    of the calibration, with the contact that was identified."""
-    text = (MADE_THROWS / "README.md").read_text(encoding="utf-8")
-    (tmp_path / "examples").symlink_to(MADE_THROWS.parent)
-    monkeypatch.chdir(tmp_path)
-    for line in re.findall(r"^    (\w.*)$", text, flags=re.M):
-        command, *words = shlex.split(line, comments=True)
-        if command != "throwplan":
-            subprocess.run(line, shell=True, check=True)
-            continue
-        some = [] if words[0] == "plan" else ["--only", "repeat=1"]
-        said = run(words[0], *words[1:], *some)
-        assert said.status == 0, said
-    found, fit, plan = (
-        json.loads((Path("out") / name).read_text())
-        for name in ("calibration/calibrate.json", "fit/identify.json", "plan/plan.json")
-    )
-    assert found["throws"] == 18 and found["guaranteed"] > 0.9
-    assert plan["status"] == "solved" and plan["calibration"]["holds"]
-    sent = tp.read_plan("out/plan")
-    for key in ("friction", "patch_radius"):
-        value = fit[0]["fit"][key]["value"]
-        assert getattr(sent.scene.contact, key) == pytest.approx(value, rel=1e-5)
-    bare, target = sent.in_scene(sent.scene.replace(calibration=None)).landing, sent.target
-    off = bare.x - target.x, bare.theta - target.theta
-    bias = [found["bias"][name]["value"] for name in ("x", "theta")]
-    assert np.add(off, bias) == pytest.approx(np.zeros(2), abs=1e-3)
-
-
-@pytest.mark.slow
 def test_a_throw_is_left_out_of_the_fit_that_predicts_it(recorded):
     data, scene = recorded
     scene = scene.replace(uncertainty=tp.Uncertainty(delay=tp.Distribution(uniform=0.002)))
@@ -457,24 +404,3 @@ def test_wrong_sections_are_refused(changes, words):
 def test_a_given_motion_has_no_calibration():
     with pytest.raises(tp.InputError, match=r"\[calibration\]: only for a scene with \[hand\]"):
         tp.load_scene("drop").replace(calibration=calibration())
-
-
-def test_a_known_mean_delay_is_no_bias() -> None:
-    """Throws that land where their plans say have none, however late the pads open."""
-    scene = loud("pose")
-    delay = tp.Distribution(uniform=0.002, mean=0.01)
-    late = scene.replace(uncertainty=tp.Uncertainty(delay=delay))
-    planned = [tp.Planner(one, library=False).plan() for one in (scene, late)]
-    for plan in planned:
-        assert plan.solved
-        landing = plan.throw.deciding.landing
-        data = lab.throw_data([plan] * 9, [(landing.x, landing.theta)] * 9)
-        bias = lab.calibrate(data, plan.scene).section.bias
-        assert np.abs(bias) == pytest.approx(np.zeros(2), abs=2e-3)
-    # A recorded force that holds the delay already is not shifted by it again.
-    grip = [dataclasses.replace(one, grip=one.grip.delayed(0.01)) for one in data.throws]
-    recorded = dataclasses.replace(data, throws=tuple(grip))
-    with pytest.raises(tp.InputError, match=r"falls 60.0 ms after the command, must be after \[g"):
-        lab.calibrate(recorded, late)
-    whole = lab.calibrate(recorded, late.replace(uncertainty=None)).section
-    assert np.abs(whole.bias) == pytest.approx(np.zeros(2), abs=2e-3)

@@ -49,22 +49,6 @@ def test_of_two_points_the_one_on_the_com_s_side_slides_first(tmp_path, run) -> 
     assert found["detach"]["omega"] == pytest.approx(-1.0786, abs=1e-3)
 
 
-@pytest.mark.parametrize("command", ["plan", "sweep", "map", "prepare", "play", "scenes --draw"])
-def test_a_scene_to_plan_is_refused_with_a_shape(command, tmp_path, refused) -> None:
-    path = written(tmp_path, "pose", LINES["two-points"])
-    line = refused(*command.split(), path)
-    assert "mine.toml: [contact] shape = 'two-points': only `simulate`" in line
-
-
-def test_a_cycle_is_refused_with_a_shape(tmp_path, refused) -> None:
-    jobs = (Path(tp.__file__).parent / "cycles" / "jobs").glob("*.toml")
-    text = min(jobs).read_text()
-    path = tmp_path / "jobs.toml"
-    pick = "[[pick]]\n"
-    path.write_text(text.replace(pick, f"{pick}contact = {{ shape = 'two-points' }}\n", 1))
-    assert "pick 1: [contact] shape = 'two-points': only `simulate`" in refused("cycle", path)
-
-
 def test_python_refuses_a_motion_with_a_shape_for_all_but_simulate(tmp_path) -> None:
     path = written(tmp_path, "drop", LINES["quartic"])
     data = lab.load_throws(MADE_THROWS)

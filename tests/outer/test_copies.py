@@ -49,21 +49,6 @@ def test_a_copied_planner_takes_plans_of_its_scene(copied, solved, pose_planner)
     assert robots.follow(planner, solved).throw.landing.pose == solved.throw.deciding.landing.pose
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("copied", COPIES)
-@pytest.mark.parametrize("shift", [0.004, 0.3])
-def test_a_copied_session_goes_on_as_the_session_does(copied, shift, solved, pose_planner) -> None:
-    """Also one that has stopped."""
-    session, samples = robots.follow(pose_planner, solved), solved.throw.samples
-    target = dataclasses.replace(solved.target, x=solved.target.x + shift)
-    ends = int(1000 * session.throw.command_time) - 22
-    for k in (ends - 20, ends):
-        session.update(k / 1000, samples.q[k], samples.dq[k], target)
-    other, k = copied(session), ends + 10
-    one, two = (s.update(k / 1000, samples.q[k], samples.dq[k], target) for s in (session, other))
-    assert one.status == two.status and one.off == two.off and (one.q == two.q).all()
-
-
 def test_plans_of_other_scenes_are_no_warm_plans(solved, pose_planner) -> None:
     """Another grip: the throw would be another; the same target elsewhere: it is not."""
     contact = dataclasses.replace(solved.scene.contact, friction=0.9)

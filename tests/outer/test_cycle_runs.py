@@ -138,16 +138,6 @@ def test_a_gripper_that_stays_closed_keeps_the_arm_from_the_next_pick(motion, op
     assert len(recording.command_times) == opens + 1
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("share", [0.02, 0.3, 0.6])
-def test_a_connection_that_ends_stops_the_arm(motion, share) -> None:
-    """At a pick, in a swing, on the way to the next pick."""
-    first = motion.carries[0].reach + len(approach(motion, simulated().robot.q)) + 100
-    recording, *_ = one_run(opened(ends=first + share * len(motion.q)), motion)
-    assert "the connection ended" in recording.trouble
-    assert len(recording.times) < share * len(motion.q) + first + 600
-
-
 def test_the_hand_is_empty_before_a_cycle_and_opened(motion) -> None:
     with pytest.raises(InputError, match="the gripper holds an object: take it out"):
         one_run(simulated(), motion)
@@ -155,14 +145,6 @@ def test_the_hand_is_empty_before_a_cycle_and_opened(motion) -> None:
     with pytest.raises(InputError, match="does not answer"):
         one_run(stuck, motion)
     assert not stuck.robot.sent
-
-
-@pytest.mark.slow
-def test_a_hand_that_closes_on_the_way_to_the_first_pick_ends_the_run(motion) -> None:
-    franka = simulated(lambda tick: 0.08 if tick < 500 else 0.03, holds=False)
-    with pytest.raises(InputError, match="moved by itself: it went from 80 to 30 mm"):
-        one_run(franka, motion)
-    assert not franka.gripper.orders and franka.robot.finished
 
 
 def test_a_dry_run_says_what_would_be_sent(cycled, run) -> None:

@@ -88,29 +88,6 @@ def read_bag(folder: Path) -> dict[str, list[tuple[int, str, object]]]:
     return found
 
 
-def test_an_arm_of_six_joints(copied, tmp_path, run, refused) -> None:
-    """The Panda with its last joint welded in its posture: the same throw, a joint less."""
-    plan = json.loads((copied / "plan.json").read_text())
-    arm = plan["definition"]["arm"]
-    last = arm["dh"].pop()
-    arm["posture"].pop()
-    for joined in ("links", "capsules", "overlaps"):
-        arm.pop(joined, None)
-    del arm["limits"]["torque_rate"]
-    for values in arm["limits"].values():
-        if isinstance(values, list):
-            values.pop()
-    arm["tool"] |= {"xyz": [last["a"], 0.0, 0.0], "rpy": [last["alpha"], 0.0, 0.0]}
-    arm["tool"]["rotation"] += math.pi / 4
-    arm["name"] = "six"
-    (copied / "plan.json").write_text(json.dumps(plan))
-    assert run("export", copied, "--ros", tmp_path / "r").status == 0
-    message = refused("export", copied, "--franka", tmp_path / "f")
-    assert "arm is six, must be a Franka" in message and not (tmp_path / "f").exists()
-    trajectory = read_bag(tmp_path / "r")["/joint_trajectory"][0][2]
-    assert trajectory.joint_names == [f"six_joint{j}" for j in range(1, 7)]
-
-
 def test_ros_bag_reads_back(turned, tmp_path, run, table) -> None:
     plan, folder = turned
     out = tmp_path / "bag"
@@ -151,10 +128,6 @@ def test_options_that_do_not_fit(options, words, turned, tmp_path, refused, unto
     untouched()
     options = options.replace("OUT", str(tmp_path / "o")).split()
     assert words in refused("export", turned[1], *options)
-
-
-def test_a_hand_has_no_controller(saved, tmp_path, refused) -> None:
-    assert "no [robot]" in refused("export", saved("hand-box"), "--franka", tmp_path / "f")
 
 
 @pytest.mark.parametrize(
@@ -307,14 +280,6 @@ def test_a_cycles_bag_closes_at_each_pick_and_opens_for_each_throw(
     (_, _, _), (_, throw, _), *commands = node_of()
     sent = np.array([when - throw.trajectory.header.stamp for _, _, when in commands])
     np.testing.assert_allclose(sent, times, atol=2.1e-3)
-
-
-def test_what_does_not_take_a_cycle_says_so(cycled, tmp_path, refused, untouched) -> None:
-    untouched()
-    assert "give --franka DIR, --ros DIR or both" in refused("export", cycled)
-    said = refused("correct", cycled / "cycle.json", "run.csv")
-    assert "is a cycle, must be a plan" in said
-    assert "--after: not with a cycle" in refused("run --dry", cycled, "--after", "run.csv")
 
 
 def test_an_edited_cycle_is_not_sent(cycled, tmp_path, refused) -> None:

@@ -49,11 +49,6 @@ def test_a_throw_that_breaks_its_check_is_no_answer() -> None:
     assert not plan.solved or top(plan.throw.deciding) <= CEILING
 
 
-def test_a_constraint_without_a_check_is_named(plan_of) -> None:
-    plan = tp.Planner("pose", constraints=[ceiling(high=CEILING)]).plan()
-    assert plan.solved and "not checked: ceiling" in plan.summary()
-
-
 def test_a_constraint_on_the_hand_is_kept_at_every_instant() -> None:
     """The hand of `hand-box` stays on one side of a plane."""
     free = tp.Planner("hand-box").plan()
@@ -172,12 +167,6 @@ class Short(SlidingPivot):
 def test_functions_that_are_wrong_are_named(options, words) -> None:
     with pytest.raises(tp.InputError, match=rf"^[^\n]*{words}[^\n]*$"):
         planned(**options)
-
-
-def test_a_check_names_its_constraint_where_it_holds_a_throw_back() -> None:
-    never = tp.Constraint("tall", in_flight=lambda f: f.start.x, high=9.0, check=lambda _: 10.0)
-    plan = tp.Planner("hand-box", constraints=[never]).plan(patience=5.0)
-    assert not plan.solved and "tall" in plan.summary()
 
 
 class Loose(SlidingPivot):

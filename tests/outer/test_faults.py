@@ -101,16 +101,6 @@ def test_streams_that_are_closed_are_none_of_its_matters(words, status) -> None:
         assert json.loads(done.stdout)["status"] == "solved"
 
 
-def test_what_does_not_fit_leaves_no_folder(tmp_path) -> None:
-    def little() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
-
-    process = started("simulate drop --out deep/out", tmp_path, preexec_fn=little)
-    _, err = process.communicate(timeout=120)
-    assert (process.returncode, err) == (2, "throwplan: --out deep/out: File too large\n")
-    assert not (tmp_path / "deep").exists()
-
-
 @pytest.mark.parametrize("most", [20_000, 100_000, pytest.param(200_000, marks=pytest.mark.slow)])
 def test_a_full_disk_costs_no_earlier_file(most, plan_of, tmp_path) -> None:
     """The samples do not fit, the picture does not, the film does not; all stays as it was."""
@@ -135,20 +125,6 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path) -> None:
         process.stdout.readline()
         process.stdout.close()
         assert process.stderr.read() == "" and process.wait(timeout=120) == 0
-
-
-@pytest.mark.slow
-def test_a_user_s_matplotlibrc_breaks_no_picture(tmp_path) -> None:
-    """LaTeX where there is none; a file that is no text is refused."""
-    (tmp_path / "matplotlibrc").write_bytes(b"text.usetex: True\n")
-    process = started("plan hand-box --out out", tmp_path)
-    assert process.communicate(timeout=300)[1] == "" and process.returncode == 0
-    assert (tmp_path / "out/throw.png").is_file() and (tmp_path / "out/throw.gif").is_file()
-    (tmp_path / "matplotlibrc").write_bytes(b"font.size: \xff\xfe\n")
-    process = started("simulate drop --out more", tmp_path)
-    _, err = process.communicate(timeout=300)
-    assert process.returncode == 2 and err.startswith("throwplan: matplotlibrc: "), err
-    assert err.count("\n") == 1 and not (tmp_path / "more").exists()
 
 
 @pytest.mark.parametrize("solver", ["ipopt", "fatrop"])

@@ -179,15 +179,3 @@ def test_before_the_motion_all_of_it_is_to_come(pose_planner, plan) -> None:
     first = robots.follow(pose_planner, plan).update(-1.0, samples.q[0], samples.dq[0])
     joints = [j - 1 for j in plan.scene.arm.throwing_joints]
     np.testing.assert_allclose(first.q[:, joints], samples.q, rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("jump", [0.03, -0.03])
-def test_a_target_with_a_time_is_followed_though_it_is_hit_at_another(pose_planner, jump) -> None:
-    """A throw to another place lands some milliseconds earlier or later."""
-    target = pose_planner.scene.target.changed(arrival=1.0)
-    plan = pose_planner.plan(target)
-    assert plan.solved
-    session, there = robots.follow(pose_planner, plan, HORIZON), target.changed(x=target.x + jump)
-    played(session, lambda t: target if t < 0.04 else there)
-    assert abs(session.throw.landing_time - plan.throw.landing_time) > 1e-3
-    check_hit(session, there)

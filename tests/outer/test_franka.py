@@ -119,23 +119,6 @@ def test_a_rehearsal_opens_nothing(robot, saved, run) -> None:
 
 
 @pytest.mark.slow
-def test_a_gripper_that_does_not_open_ends_in_a_stop(robot, saved, tmp_path, run, table) -> None:
-    plan, out = saved("fr3"), tmp_path / "out"
-    with with_hand(robot, 0.02, -1, 0, 0):
-        said = run("run --yes --repeat 3", plan, "--robot", HANDY, "--out", out)
-    assert said.status == 2
-    assert "the gripper did not open" in said.err.splitlines()[-1]
-    rows = table(out / "run1.csv")
-    assert [path.name for path in out.iterdir()] == ["run1.csv"]
-    assert abs(np.diff(rows["width"])).max() < 1e-3
-    # What was sent ends at rest, and the controller's rules take it.
-    sent = np.array([rows[f"sent{j}"] for j in range(1, 8)]).T
-    assert max(abs(np.diff(rows[f"q{j}"][-20:])).mean() for j in range(1, 8)) < 2e-5
-    assert sent[-1] == pytest.approx(joint_motion(plan).q[-1], abs=1e-9)
-    assert refusals(joint_motion(plan).q) == []
-
-
-@pytest.mark.slow
 def test_a_robot_picks_and_throws_parts(robot, cycled, tmp_path, run, table) -> None:
     with with_hand(robot, 0.08, 2, 0, 0):
         said = run("run --yes --json", cycled, "--robot", HANDY, "--out", tmp_path / "out")

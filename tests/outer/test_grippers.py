@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
-import throwplan as tp
 from simulated_robot import TICK, simulated
 from throwplan.planner.result import SentMotion
 from throwplan.problems import InputError
@@ -22,31 +20,6 @@ def motion(saved) -> SentMotion:
 
 
 # Its file.
-
-
-def scene_of(name: str, gripper: Path) -> str:
-    """A built-in scene whose gripper is that of a file."""
-    text = tp.scene_text(name)
-    (grip,) = [part for part in text.split("\n\n") if part.startswith("[gripper]")]
-    return text.replace(grip, f'[gripper]\nfile = "{gripper}"\nforce = 120.0')
-
-
-def test_a_scenes_own_delay_stays(tmp_path) -> None:
-    """Of a scene with [uncertainty] delay, or a dwell, in place of that of the gripper's file."""
-    shipped = Path(tp.__file__).parent / "problems" / "grippers" / "robotiq-2f-85.toml"
-    text = shipped.read_text("utf-8") + "\n[delay]\nsamples = [-0.01, 0.01]\n"
-    (tmp_path / "hand.toml").write_text(text, encoding="utf-8")
-    plain, scene = scene_of("fr3", Path("hand.toml")), tmp_path / "scene.toml"
-    own = "\n[uncertainty]\ndelay = { normal = 0.003 }\n"
-    for words, deviation in (
-        (plain, 0.01),
-        (plain + own, 0.003),
-        (plain + "\n[uncertainty]\nfriction = { normal = 0.1 }\n", 0.01),
-    ):
-        scene.write_text(words, encoding="utf-8")
-        assert tp.load_scene(scene).deviations["delay"] == pytest.approx(deviation)
-    scene.write_text(plain.replace("force =", "dwell = 0.04\nforce ="), encoding="utf-8")
-    assert tp.load_scene(scene).uncertainty is None
 
 
 # Watched.
@@ -125,14 +98,6 @@ def test_a_gripper_that_fails_leaves_no_arm_in_motion(motion, after, brakes) -> 
     sent_whole(franka, motion)
 
 
-def test_an_object_lost_while_one_is_asked_is_not_thrown(motion) -> None:
-    width = {"now": 0.02}
-    franka = simulated(lambda tick: width["now"], grasps=0)
-    with pytest.raises(InputError, match="its gripper holds nothing: put the object between"):
-        next(throws(franka, motion, motion, lambda words: width.update(now=0.0)))
-    assert not franka.robot.sent
-
-
 def test_a_throw_in_order_has_no_trouble(motion) -> None:
     franka = simulated()
     recordings = throws(franka, motion, motion, lambda words: None)
@@ -163,21 +128,9 @@ def test_a_rehearsal_opens_nothing_and_is_slow(motion) -> None:
     assert "times as slow" in asked[0] and "sweep" in asked[0] and "flies" not in asked[0]
 
 
-def test_a_hand_that_moves_in_a_rehearsal_has_lost_nothing(motion) -> None:
-    franka = simulated(lambda tick: 0.02 if tick < 500 else 0.03, holds=False)
-    with pytest.raises(InputError, match="the gripper moved by itself: it went from 20 to 30 mm"):
-        rehearse(franka, motion, motion, lambda words: None)
-    assert franka.robot.finished
-
-
 def test_a_rehearsal_is_for_an_empty_hand(motion) -> None:
     with pytest.raises(InputError, match="holds an object: take it out"):
         rehearse(simulated(), motion, motion, lambda words: None)
-
-
-def test_rehearsals_are_alone(saved, refused) -> None:
-    for other in (("--dry",), ("--repeat", 2)):
-        assert "--rehearse: not with" in refused("run --rehearse", saved("fr3"), *other)
 
 
 # What a motion needs.

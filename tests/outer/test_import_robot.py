@@ -8,7 +8,6 @@ import itertools
 import math
 import re
 import shlex
-import sys
 import xml.etree.ElementTree as ET
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -148,17 +147,6 @@ def test_kinetic_energy_is_that_of_adams_mass_matrix(tmp_path) -> None:
         assert kinetic_energy(arm, q, dq) == pytest.approx(dq @ matrix @ dq / 2, rel=1e-7)
 
 
-@pytest.mark.parametrize("name", ["pose", "fr3"])
-def test_shipped_masses_are_those_of_bodies(name) -> None:
-    links = tp.load_scene(name).arm.links
-    assert len(links) == 8
-    for link in links:
-        assert link.mass > 0 and np.linalg.eigvalsh(inertia_matrix(link)).min() > 0
-    # The arms weigh about 18 kg with their bases, the hand 0.73 kg: data sheets.
-    assert 13 < sum(link.mass for link in links[:7]) < 17
-    assert links[7].mass == pytest.approx(0.73, abs=0.03)
-
-
 # Shapes.
 
 #: Of a mesh, and of a box, each [m] in its own frame; where the URDF has them in the link's.
@@ -221,23 +209,6 @@ def test_links_without_a_mesh_are_named(shaped) -> None:
     assert len(arm.capsules) >= 3
     assert re.search(r"meshes not read: after_bend \(tried .*/odd/none.stl\)", said)
     assert "no mesh was read of after_bend" in (file.parent / "arm.toml").read_text()
-
-
-@pytest.mark.slow
-def test_fingers_and_shapes_without_end_are_as_none(tmp_path, run) -> None:
-    """A range that overflows moves no finger, and a box that overflows is not read."""
-    found = []
-    for ranged in ('lower="0" upper="0"', 'lower="1.7e+308"', 'upper="1.7e+308"'):
-        file = with_shapes(tmp_path)
-        text = re.sub(r'(name="finger-?1".*?<limit )lower="-2" upper="2.2"', rf"\1{ranged}",
-                      file.read_text())  # fmt: skip
-        text = text.replace('<link name="base">', '<link name="base"><collision><geometry>'
-                            '<box size="1.7e+308 1 1"/></geometry></collision>')  # fmt: skip
-        file.write_text(text)
-        words = ["import-robot", file, "--joints", *JOINTS, *ODD_OPTIONS, "--json"]
-        found.append(run("", *words, "--force", "--out", tmp_path / "a.toml").json)
-        assert found[-1].pop("unread") == ["base", "after_bend"]
-    assert len({one["capsules"] for one in found}) == 1
 
 
 # Joints that are held.
@@ -303,21 +274,6 @@ def test_a_position_that_a_held_joint_does_not_take_is_refused(tmp_path, odd_fil
     ):
         said = refused(*words, "--hold", hold, "--out", tmp_path / "arm.toml")
         assert message in said
-
-
-def test_soft_limits_of_a_safety_controller_hold_where_they_are_tighter(tmp_path, odd_file) -> None:
-    soft = '<safety_controller soft_lower_limit="-1" soft_upper_limit="3" k_velocity="9"/>'
-    (tmp_path / "odd.urdf").write_text(odd_file.read_text().replace("</joint>", f"{soft}</joint>"))
-    limits = imported(tmp_path, tmp_path / "odd.urdf", JOINTS, *ODD_OPTIONS).limits
-    assert (limits.position_min, limits.position_max) == ((-1.0,) * 4, (2.2,) * 4)
-
-
-def test_ends_that_no_joint_has_mean_continuous(tmp_path, odd_file, refused) -> None:
-    text = odd_file.read_text().replace('lower="-2" upper="2.2"', 'lower="-999999" upper="999999"')
-    (tmp_path / "odd.urdf").write_text(text)
-    words = ["import-robot", tmp_path / "odd.urdf", "--joints", *JOINTS, *ODD_OPTIONS]
-    said = refused(*words, "--out", tmp_path / "arm.toml", lines=2)
-    assert "--position-min-deg (position_min of all joints)" in said
 
 
 # Throwing, and what is printed.
@@ -438,13 +394,6 @@ def test_joints_by_number_or_all_on_the_way_to_the_tool(tmp_path, odd_file, odd,
     assert "--joints: no joint '6'" in line
 
 
-def test_a_hand_that_seems_to_point_along_another_axis_is_asked_about(odd_file, refused, tmp_path):
-    words = ["--acceleration", "10", "--jerk", "1000", "--out", tmp_path / "arm.toml"]
-    said = refused("import-robot", odd_file, "--tool", "hand", *words, lines=3)
-    assert "seems to point along its -x, not z: say --approach=-x, or --approach=z" in said
-    assert "seem to close along its z, not y: say --closing z, or --closing y" in said
-
-
 def test_all_that_is_missing_comes_at_once_with_a_command_line_that_works(
     odd_file, refused, run, tmp_path
 ) -> None:
@@ -479,34 +428,6 @@ UP, X, Y = "0 0 1", "1 0 0", "0 1 0"
 ROLLING = {"j1": UP, "j2": X, "j3": UP, "j4": Y, "j5": UP, "j6": X, "j7": Y}
 HAND = '<link name="ee"/>' + joint_xml("e", "l4", "ee", "0 0 0.16", kind="fixed")
 LIFTING = {name: (axis, "0 0 0.2") for name, axis in zip("abcd", (UP, Y, Y, Y), strict=True)}
-FINGERS = [
-    # Two fingers of two joints; two that slide, one as the other; a screw on a slide; a jaw.
-    "".join(
-        f'<link name="f{k}"/><link name="tip{k}"/>'
-        + joint_xml(f"f{k}", "l4", f"f{k}", f"0 {k} 0.1", Y)
-        + joint_xml(f"tip{k}", f"f{k}", f"tip{k}", "0.04 0 0", Y)
-        for k in (-0.02, 0.02)
-    ),
-    '<link name="f1"/><link name="f2"/>'
-    + joint_xml("f1", "l4", "f1", "0 0.02 0.1", Y, "prismatic")
-    + joint_xml("f2", "l4", "f2", "0 -0.02 0.1", Y, "prismatic", '<mimic joint="f1"/>'),
-    '<link name="slide"/><link name="gripper_screw"/>'
-    + joint_xml("slide", "l4", "slide", "0 0 0.1", Y, "prismatic")
-    + joint_xml("screw", "slide", "gripper_screw", "0 0 0.02", Y),
-    '<link name="gripper"/>' + joint_xml("jaw", "l4", "gripper", "0 0 0.1", Y),
-]
-
-
-@pytest.mark.parametrize("fingers", range(len(FINGERS)))
-def test_the_proposed_hand_is_no_finger_and_no_part_of_a_gripper(
-    fingers, tmp_path, refused, run
-) -> None:
-    urdf, out = tmp_path / "arm.urdf", tmp_path / "arm.toml"
-    urdf.write_text(chain_urdf(LIFTING, HAND + FINGERS[fingers]))
-    said = refused("import-robot", urdf, "--out", out, lines=3)
-    assert "one of ee, l4\n" in said
-    assert run("", *shlex.split(said.partition("to try: throwplan ")[2])).status == 0
-    assert 'hand = "ee"' in out.read_text()
 
 
 def test_joints_that_throw_are_those_with_the_pads_across_the_plane(tmp_path, run) -> None:
@@ -546,17 +467,6 @@ def test_an_arm_without_an_upright_joint_is_refused_and_the_first_upright_one_tu
     assert (arm.azimuth_joint, arm.throwing_joints) == (2, (3, 4, 5))
 
 
-def test_a_proposal_that_fails_gives_way_to_the_next(tmp_path, refused, run) -> None:
-    """The link that a name makes the likeliest hand points out of every plane."""
-    aside = '<link name="tool"/><joint name="t" type="fixed"><parent link="l4"/>'
-    aside += '<child link="tool"/><origin xyz="0 0 0.1" rpy="0.3 0.4 0.5"/></joint>'
-    urdf, out = tmp_path / "arm.urdf", tmp_path / "arm.toml"
-    urdf.write_text(chain_urdf(LIFTING, HAND + aside))
-    said = refused("import-robot", urdf, "--out", out, "--velocity", "1", *"---", lines=3)
-    assert "one of tool, ee, l4" in said and "--tool ee" in said.splitlines()[-1]
-    assert run("", *shlex.split(said.partition("to try: throwplan ")[2])).status == 0
-
-
 def test_all_missing_limits_are_named_in_one_line(tmp_path, odd_file, refused) -> None:
     tree = ET.parse(odd_file)
     for name in ("lift", "bend"):
@@ -571,46 +481,3 @@ def test_all_missing_limits_are_named_in_one_line(tmp_path, odd_file, refused) -
         "--velocity - 1 1 - --acceleration 10 --jerk 1000",
     ):
         assert part in said
-
-
-def test_files_that_are_not_there_or_in_the_way(tmp_path, odd_file, refused, untouched) -> None:
-    taken = tmp_path / "taken.toml"
-    taken.write_text("mine")
-    untouched()
-    words = ["--joints", *JOINTS, *ODD_OPTIONS, "--out"]
-    for out, message in (
-        (tmp_path / "no" / "arm.toml", "its folder does not exist"),
-        (tmp_path / "arm.json", "must end in .toml"),
-        (taken, "exists already"),
-        (taken / "arm.toml", "its folder does not exist"),
-    ):
-        assert message in refused("import-robot", odd_file, *words, out)
-    missing = refused("import-robot", tmp_path / "none.urdf", *words, tmp_path / "arm.toml")
-    assert "none.urdf: no such file" in missing
-
-
-def test_without_yourdfpy_it_is_named(tmp_path, odd_file, refused, monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "yourdfpy", None)
-    words = ["--joints", *JOINTS, *ODD_OPTIONS, "--out", tmp_path / "arm.toml"]
-    assert "pip install yourdfpy" in refused("import-robot", odd_file, *words)
-
-
-def test_a_name_of_robot_descriptions(tmp_path, odd_file, odd, refused, monkeypatch) -> None:
-    """The package is a stand-in: the real one fetches files from elsewhere."""
-    words = ["--joints", *JOINTS, *ODD_OPTIONS, "--out", tmp_path / "other.toml"]
-    line = refused("import-robot", "odd_description", *words)
-    assert "odd_description: cannot be read as a URDF: no such file, and no package robot" in line
-    package = tmp_path / "robot_descriptions" / "loaders"
-    package.mkdir(parents=True)
-    (package.parent / "__init__.py").touch()
-    (package / "__init__.py").touch()
-    (package / "yourdfpy.py").write_text(
-        "import yourdfpy\n"
-        "def load_robot_description(name, **options):\n"
-        "    if name != 'odd_description':\n"
-        "        raise ModuleNotFoundError(f'no robot {name}')\n"
-        f"    return yourdfpy.URDF.load({str(odd_file)!r}, **options)\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    assert imported(tmp_path, Path("odd_description"), JOINTS, *ODD_OPTIONS) == odd
-    assert "no robot nobodys_description" in refused("import-robot", "nobodys_description", *words)

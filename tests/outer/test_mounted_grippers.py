@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import loud, varied
+from builders import varied
 from throwplan.models.robot import SpatialArm, segment_distance
 from throwplan.problems import arm_files as arms
-from throwplan.problems.arm_files import load_arm, load_gripper
+from throwplan.problems.arm_files import load_arm
 
 from oracle.shapes import to_box
 
@@ -64,18 +64,6 @@ def scene_with(folder: Path) -> Path:
     return folder / "scene.toml"
 
 
-@pytest.mark.slow
-def test_a_hand_without_a_body_is_replayed_and_drawn(tmp_path, run) -> None:
-    """As `import-robot` writes it without --palm."""
-    scene = loud("pose")
-    tool = dataclasses.replace(scene.arm.tool, palm_half_width=0.0)
-    plan = tp.plan(varied(scene, arm={"tool": tool}))
-    assert plan.solved and scene.workspace.palm_clearance is not None
-    plan.save(tmp_path / "out")
-    assert run("replay", tmp_path / "out", "--json").json["objects"][0]["landing"]
-    assert run("view", tmp_path / "out", "--png", tmp_path / "throw.png").status == 0
-
-
 def test_a_clearance_to_a_hand_without_palm_and_shapes_is_refused() -> None:
     scene = tp.load_scene("pose")
     tool = dataclasses.replace(scene.arm.tool, palm_half_width=0.0)
@@ -94,24 +82,6 @@ def test_a_palm_from_back_to_front_is_refused(tmp_path, refused) -> None:
     (tmp_path / "hand.toml").write_text(hand, encoding="utf-8")
     said = refused("plan", tmp_path / "scene.toml")
     assert "palm_front = 0.145: must be below 0.05" in said
-
-
-@pytest.mark.slow
-def test_a_gripper_that_meets_every_wrist_angle_by_round_ends_throws(tmp_path, run) -> None:
-    """The capsule around a box ends rounder than the box, and reaches the gripper's housing."""
-    words = ["--tool", "tool0", *OPTIONS, "--out", tmp_path / "arm.toml"]
-    assert run("import-robot", six_axes(tmp_path), *words).status == 0
-    scene, arm = tp.load_scene(scene_with(tmp_path)), load_arm("arm.toml", tmp_path)
-    (note,) = (words for words in scene.notes if "Robotiq 2F-85 overlap links" in words)
-    depth = float(re.search(r"link 4 (\d+) mm", note)[1]) / 1e3
-    # All of the gripper is there; the arm is as it was.
-    assert scene.arm.capsules[: len(arm.capsules)] == arm.capsules
-    radii = [c.radius for c in load_gripper("robotiq-2f-85").capsules]
-    assert [c.radius for c in scene.arm.capsules if c.link == 7] == radii
-    assert 0.0 < depth < 2 * max(radii)
-    x = scene.arm.placed(scene.arm.posture)[-1][0, 3]
-    plan = tp.plan(scene, target=tp.Pose(x + 0.4, 0.3, None), patience=30.0)
-    assert plan.solved and note in plan.summary(verbose=True)
 
 
 def test_a_gripper_inside_the_wrist_is_refused_with_its_depth(tmp_path, run, refused) -> None:
@@ -163,27 +133,3 @@ def test_no_gripper_is_mounted_on_a_hand(tool, more, tmp_path, run, refused) -> 
     bare = run("import-robot", urdf, "--tool", "tool0", *OPTIONS, "--force", "--out", out)
     assert "includes the hand" not in bare.out
     assert tp.load_scene(scene_with(tmp_path)).arm.tool.tcp == pytest.approx(0.145)
-
-
-def test_the_proposed_tool_is_no_camera_s_bracket_and_no_finger(tmp_path, refused) -> None:
-    names = ["left_finger_link", "wrist_camera_mount_link", "imu_tool"]
-    urdf, words = six_axes(tmp_path, hand=" ".join(names)), ["--out", tmp_path / "arm.toml"]
-    assert "--tool tool0 --acc" in refused("import-robot", urdf, *words, lines=3)
-    urdf.write_text(urdf.read_text().replace("tool0", "end_effector_link"))
-    said = refused("import-robot", urdf, *words, lines=3)
-    assert "--tool end_effector_link --acc" in said
-    assert re.search(r"one of end_effector_link, .*, left_finger_link, imu_tool, wrist_", said)
-
-
-def test_meshes_of_another_machine_are_found_in_their_package(tmp_path, run, monkeypatch) -> None:
-    path = "/root/ws/install/bits/share/bits/meshes/block.obj"
-    urdf = six_axes(tmp_path, mesh=f"file://{path}")
-    words = ["--tool", "tool0", *OPTIONS, "--force", "--out", tmp_path / "arm.toml"]
-    said = run("import-robot", urdf, *words).out
-    assert f"meshes not read: link_2 (tried {path})" in said
-    (tmp_path / "ros" / "bits" / "meshes").mkdir(parents=True)
-    block = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-    (tmp_path / "ros" / "bits" / "meshes" / "block.obj").write_text(block)
-    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros"))
-    found = run("import-robot", urdf, *words, "--json").json
-    assert found["unread"] == [] and found["capsules"] == 2

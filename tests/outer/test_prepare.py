@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 import throwplan as tp
-from builders import loud
 from throwplan import load_scene
 
 KEYS = {"scene", "throws", "added", "edge", "bytes", "folder", "time"}
@@ -42,27 +41,6 @@ def test_it_says_why_there_are_fewer_than_asked_for(run, tmp_path, monkeypatch) 
     slow.write_text(text.replace("\nspeed = 3.0", "\nspeed = 0.3"))
     said = run("prepare --throws 300", slow)
     assert said.status == 0 and "fewer than the 300 requested: no places are left" in said.out
-
-
-@pytest.mark.slow
-def test_a_bar_that_is_held_near_the_palm_is_prepared(tmp_path: Path, monkeypatch) -> None:
-    """Its end is 20 mm from the palm, nearer than the margin that the NLP keeps to others."""
-    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
-    planner = tp.Planner(loud("pose").replace(grasp=tp.Grasp(offset=0.025)))
-    assert planner.prepare(10) >= 10
-    beyond = planner.plan(planner.scene.target.in_plane(1.6, planner.scene.target.theta))
-    assert beyond.status == "not_found" and beyond.nearest.verdict.ok
-
-
-@pytest.mark.slow
-def test_a_target_with_a_time_is_prepared_as_one_without(tmp_path: Path, monkeypatch) -> None:
-    """The arm waits before a throw: throws of a library land when they land."""
-    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
-    scene = loud("near-cup")
-    planner = tp.Planner(scene.replace(target=scene.target.changed(arrival=2.0)))
-    assert planner.prepare(3, workers=1) >= 3
-    plan = planner.plan()
-    assert plan.solved and plan.throw.landing_time == pytest.approx(2.0, abs=1e-3)
 
 
 @pytest.mark.slow

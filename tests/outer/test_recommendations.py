@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import loud, varied
+from builders import varied
 from throwplan.models.robot import SpatialArm
 from throwplan.planner.throw import TICK
 from throwplan.planner.verdict import Code, measures_of, verdict_on
@@ -19,18 +18,9 @@ from oracle import read_oracle
 
 ARM_SCENES = [name for name in tp.scene_names() if tp.load_scene(name).robot is not None]
 EVERY_DAY = ("cup", "pose", "ur5e")
-#: A URDF of an arm with two throwing joints; {inertial} is each link's.
-LINK = '<link name="l{i}">{inertial}</link><joint name="j{i}" type="revolute"><parent link="l{p}"/>'
 LINK += '<child link="l{i}"/><origin xyz="0 0 {z}"/><axis xyz="{axis}"/><limit lower="-2" upper="2"'
 LINK += ' effort="80" velocity="3"/></joint>'
-INERTIAL = '<inertial><mass value="1"/><origin xyz="0 0 0.1"/><inertia ixx="0.01" iyy="0.01"'
 INERTIAL += ' izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
-
-
-def urdf_of(inertial: str) -> str:
-    axes = enumerate(("0 0 1", "0 1 0", "0 1 0"), start=1)
-    links = (LINK.format(i=i, p=i - 1, z=0.3, axis=axis, inertial=inertial) for i, axis in axes)
-    return f'<robot name="own"><link name="l0"/>{"".join(links)}</robot>'
 
 
 def tool_speed(plan: tp.Plan) -> float:
@@ -81,15 +71,6 @@ def test_the_verdict_keeps_the_grip_s_margin(plan_of, name: str) -> None:
         assert judged.reserves == (not kept)
 
 
-def test_a_margin_that_holds_a_throw_short_is_named() -> None:
-    """As the grip's margin is nearly all of it, what lands nearest is held by the grip."""
-    scene = varied(loud("near-cup"), gripper={"sticking_margin": 0.85})
-    plan = tp.Planner(scene, library=False).plan()
-    assert plan.status == "not_found"
-    (grip,) = [one for one in plan.binding if one.key == "[gripper] force"]
-    assert grip.advice in plan.message
-
-
 def test_a_scene_may_ask_for_more_and_the_plan_says_by_how_much() -> None:
     scene = tp.load_scene("pose")
     scene = varied(
@@ -110,13 +91,6 @@ def test_a_scene_may_ask_for_more_and_the_plan_says_by_how_much() -> None:
         assert sum(f"{key} = {most}" in line for line in lines) == 1
 
 
-def test_a_scene_takes_no_more_than_the_grippers_peak(tmp_path: Path, run) -> None:
-    text = tp.scene_text("pose").replace("force = 70.0", "force = 141.0")
-    (tmp_path / "strong.toml").write_text(text, encoding="utf-8")
-    said = run("plan", tmp_path / "strong.toml")
-    assert said.status == 2 and "[gripper] force = 141" in said.err and "140 N" in said.err
-
-
 def test_a_grippers_spread_is_the_scenes_uncertainty_where_that_is_silent(tmp_path: Path) -> None:
     shipped = Path(tp.__file__).parent / "problems" / "grippers" / "franka-hand.toml"
     lines = "delay = {{ uniform = 0.004 }}\nopening_spread = {{ uniform = 0.5, relative = true }}\n"
@@ -131,34 +105,6 @@ def test_a_grippers_spread_is_the_scenes_uncertainty_where_that_is_silent(tmp_pa
     assert silent.uncertainty.opening.uniform == 0.5 and silent.uncertainty.opening.relative
     assert own.uncertainty is None
     assert set(silent.assumed) - set(own.assumed) == {"gripper.dwell", "gripper.opening"}
-
-
-@pytest.mark.parametrize("inertial", [INERTIAL, ""], ids=["masses", "no masses"])
-def test_plans_of_an_imported_arm_say_what_is_assumed(
-    tmp_path: Path, run, refused, inertial: str
-) -> None:
-    (tmp_path / "own.urdf").write_text(urdf_of(inertial), encoding="utf-8")
-    arm = tmp_path / "own.toml"
-    options = "import-robot --tool l3 --acceleration 10 --jerk 500 --json --tcp 0.1"
-    words = [tmp_path / "own.urdf", "--out", arm]
-    assumed = ["tool_speed", "torque_rate"] if inertial else ["tool_speed"]
-    assert run(options, *words).json["assumed"] == assumed
-    scene = tp.scene_text("ur5e").replace('"ur5e"', '"own.toml"').replace("x = 1.2 ", "x = 0.5 ")
-    scene = scene.replace('file = "robotiq-2f-85"', "force = 60.0\nopening = 0.05")
-    scene = "\n".join(line for line in scene.splitlines() if "palm_clearance" not in line)
-    (tmp_path / "own-scene.toml").write_text(scene, encoding="utf-8")
-    said = run("plan", tmp_path / "own-scene.toml", "--json")
-    spreads = ["uncertainty.delay", "uncertainty.opening"]
-    assert json.loads(said.out)["assumed"] == [*(f"arm.{name}" for name in assumed), *spreads]
-    line = run("plan", tmp_path / "own-scene.toml").out
-    assert "arm tool speed" in line and ("[[links]]" in line) == (not inertial)
-    options += " --force --tool-speed 1.2"
-    if inertial:
-        options += " --torque-rate 900"
-    else:
-        line = refused(f"{options} --torque-rate 900".replace(" --json", ""), *words)
-        assert "--torque-rate 900: only for a URDF with masses" in line
-    assert run(options, *words).json["assumed"] == []
 
 
 #: A file, text in it after which a key would do nothing, the key, and what is said of it.

@@ -11,7 +11,6 @@ import pytest
 import throwplan as tp
 from builders import loud
 from throwplan import robots
-from throwplan.problems import Calibration
 
 #: A region about the target of `pose`, by its bounds in x [m] and theta [rad].
 X, THETA = (1.15, 1.25), (-0.2, 0.2)
@@ -86,24 +85,6 @@ def test_a_cup_stays_where_it_is(planner_of, shift) -> None:
     assert abs(landing["x"] - x) + abs(landing["theta"] - theta) > 0.01
 
 
-def test_a_warm_plan_is_brought_to_the_next_region(loud_planner, plan) -> None:
-    found = loud_planner.plan(region(x=(1.16, 1.26)), warm=plan)
-    assert found.solved and found.iterations < plan.iterations
-    assert_inside(found.to_dict()["landing"]["limit_surface"], (1.16, 1.26), THETA)
-    # From a region to a pose.
-    assert loud_planner.plan(tp.Pose(x=1.2, z=0.1, theta=0.0), warm=plan).solved
-
-
-@pytest.mark.slow
-def test_a_region_that_moves_is_met_where_it_then_is(pose_planner) -> None:
-    found = pose_planner.plan(region(x=(1.3, 1.4), velocity=(-0.2,)))
-    assert found.solved, found.message
-    answer = found.to_dict()
-    moved = -0.2 * answer["release"]["landing_time"]
-    assert_inside(answer["landing"]["limit_surface"], (1.3 + moved, 1.4 + moved), THETA)
-    assert answer["target"]["x"] == [1.3, 1.4] and answer["target"]["velocity"] == [-0.2]
-
-
 def test_a_swing_is_corrected_if_it_would_land_outside(loud_planner, plan) -> None:
     session, samples = robots.follow(loud_planner, plan), plan.throw.samples
     inside = region(x=(1.1, 1.3), theta=(-0.3, 0.3))
@@ -113,26 +94,6 @@ def test_a_swing_is_corrected_if_it_would_land_outside(loud_planner, plan) -> No
     assert update.status == "followed"
     x, _, theta = session.throw.landing.pose
     assert_inside({"x": x, "theta": theta}, (1.1795, 1.28), (-0.205, 0.2))
-
-
-@pytest.mark.slow
-def test_a_robust_plan_lands_in_the_middle(pose_planner, plan) -> None:
-    found = pose_planner.plan(region(), robust=True)
-    assert found.solved and found.robust
-    landing = found.to_dict()["landing"]["limit_surface"]
-    assert_inside(landing, (1.1999, 1.2001), (-1e-3, 1e-3))
-    assert "bound" not in found.summary()
-    # The scatter of measured throws counts as their calibration says.
-    known = {"x": 0.0, "theta": 0.0, "position": 0.018, "angle": 0.21, "com": 0.1}
-    known |= {"x_interval": (0.0, 0.0), "theta_interval": (0.0, 0.0), "mass": 0.1, "force": 60.0}
-    known |= {"speed": (1.0, 5.0), "rate": (-9.0, 9.0), "friction": 0.6, "patch_radius": 0.006}
-    calibration = Calibration(throws=20, level=0.9, opening=0.04, model="ls-step", **known)
-    wide = dataclasses.replace(found, scene=found.scene.replace(calibration=calibration))
-    assert "the region's bound of theta, nearer than your throws scatter" in wide.summary(True)
-    plain, quiet = (
-        tp.sweep(one, samples=256).to_dict()["success"]["rate"] for one in (plan, found)
-    )
-    assert quiet > 0.9 > plain
 
 
 # Results.
@@ -208,15 +169,3 @@ def test_a_pose_has_no_ranges_and_a_cup_needs_one_end_below(planner_of) -> None:
         ).target.half_widths[0]
         == 0.4
     )
-
-
-@pytest.mark.slow
-def test_an_obstacle_may_stand_in_a_region() -> None:
-    # The cheapest landings are at the wall, where the flying bar meets it.
-    place = {"kind": "box", "size": (0.1, 0.6, 0.44), "position": (0.9, 0.0, 0.22)}
-    scene = tp.load_scene("pose").replace(
-        obstacle=(tp.Obstacle(name="wall", **place),), target=region(x=(0.85, 1.25))
-    )
-    found = tp.Planner(scene, library=False).plan(patience=30.0)
-    assert found.solved, found.message
-    assert_inside(found.to_dict()["landing"]["limit_surface"], (0.95, 1.25), THETA)

@@ -12,36 +12,12 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import edit_plan, with_grip
-from throwplan import cycles, lab
+from throwplan import lab
 from throwplan.lab import ObjectReplay
 from throwplan.planner.result import SentMotion, read_motion
 
 pytest.importorskip("mujoco")
 
-#: Two bars into one cup.
-INTO_CUP = """
-scene = "scene.toml"
-[[bin]]
-name = "mug"
-target = { x = 0.9, z = 0.22, theta_deg = -90.0 }
-[bin.cup]
-x = 0.9
-rim = 0.1
-radius = 0.06
-depth = 0.15
-clearance = 0.005
-insertion = 0.08
-[[pick]]
-name = "one"
-x = 0.40
-y = -0.2
-z = 0.34
-[[pick]]
-name = "other"
-x = 0.40
-y = 0.2
-z = 0.34
-"""
 #: A coarser step than the usual one: half the digits, a fraction of the time.
 COARSE = 2e-4
 
@@ -120,15 +96,6 @@ def test_a_cup_elsewhere_is_missed(sections, words, touched, saved, tmp_path, ru
     assert ("touches the cup's wall or rim on the way in" in said.out) == touched
 
 
-def test_json_of_a_plan_without_a_cup(saved, run) -> None:
-    (result,) = run("replay --json", saved("pose") / "plan.json").json["objects"]
-    assert result["cup"] is None and result["touched"] == []
-    assert result["landing"]["mujoco"]["y"] == 0.0
-    sent = json.loads((saved("pose") / "plan.json").read_text())["landing"]["sent"]
-    assert result["landing"]["sp"]["x"] == pytest.approx(sent["x"], abs=1e-7)
-    assert result["difference"]["limit_surface"]["position"] < 3e-4
-
-
 def test_files_and_a_hand_that_throws_full_turns(saved, tmp_path, run, table) -> None:
     out = tmp_path / "out"
     said = run("replay", saved("hand-flip"), "--out", out)
@@ -149,32 +116,6 @@ def test_a_base_column_in_the_way_is_hit(saved, tmp_path) -> None:
 
 
 # Many cases, for `make verify`.
-
-
-@pytest.mark.slow
-def test_steps_do_not_decide_the_landing(into_cup, saved) -> None:
-    one, other = into_cup.to_dict(), lab.replay(saved("near-cup"), step=5e-5).objects[0].to_dict()
-    a, b = one["landing"]["mujoco"], other["landing"]["mujoco"]
-    assert a["x"] == pytest.approx(b["x"], abs=1e-4)
-    assert a["theta"] == pytest.approx(b["theta"], abs=math.radians(0.05))
-    assert other["cup"]["in"]
-
-
-@pytest.mark.slow
-def test_what_bounces_may_leave_the_cup(saved) -> None:
-    """The CoM stands at the rim's height: half its speed back is too much."""
-    (bounced,) = lab.replay(saved("near-cup"), restitution=0.5).objects
-    assert not bounced.to_dict()["cup"]["in"]
-
-
-@pytest.mark.slow
-def test_a_turned_plane_gives_poses_in_the_base_frame(into_cup, saved, tmp_path) -> None:
-    target = {"x": 0.9 * math.cos(1), "y": 0.9 * math.sin(1)}
-    turned = edited(saved("near-cup"), tmp_path / "turned", target=target)
-    landing = lab.replay(turned).objects[0].to_dict()["landing"]["mujoco"]
-    straight = into_cup.to_dict()["landing"]["mujoco"]
-    assert math.atan2(landing["y"], landing["x"]) == pytest.approx(1.0)
-    assert math.hypot(landing["x"], landing["y"]) == pytest.approx(straight["x"], abs=1e-5)
 
 
 def test_a_cycles_objects_land_in_mujoco_where_they_are_to(cycled, tmp_path, run, table) -> None:
@@ -202,23 +143,6 @@ def test_a_cycles_objects_land_in_mujoco_where_they_are_to(cycled, tmp_path, run
             curve = np.polynomial.Polynomial.fit(free["t"], free[name], degree).convert()
             assert np.abs(curve(free["t"]) - free[name]).max() < 1e-6
             assert bend == 0.0 or curve.coef[2] == pytest.approx(bend, rel=1e-4)
-
-
-def test_the_hand_goes_on_as_in_the_cycle(cycled) -> None:
-    """In its swings it is where the throws have it; it comes to the picks and ends at the first."""
-    motion = read_motion(cycled)
-    for step in motion.carries:
-        throw, times = step.throw, 1e-3 * np.arange(step.free - step.join)
-        own = throw.target.plane.poses(throw.manipulator.hand(throw.path).at(times).pose)
-        _, hand = motion.poses_at(times + 1e-3 * step.join)
-        np.testing.assert_allclose(hand, own, rtol=0, atol=1e-9)
-    times = np.array([0.0, 1e-3 * motion.carries[1].reach, 99.0])
-    _, (first, second, last) = motion.poses_at(times)
-    # The picks of the job file, hand down.
-    for pose, (x, y, z) in ((first, (0.45, 0.1, 0.35)), (last, (0.45, 0.1, 0.35))):
-        np.testing.assert_allclose(pose[:3, 3], (x, y, z), rtol=0, atol=1e-6)
-        np.testing.assert_allclose(pose[:3, 0], (0, 0, -1), rtol=0, atol=1e-6)
-    np.testing.assert_allclose(second[:3, 3], (0.45, -0.1, 0.35), rtol=0, atol=1e-6)
 
 
 def test_the_object_hits_the_hand_where_the_motion_moves_it(cycled) -> None:
@@ -261,22 +185,3 @@ def test_an_object_at_its_pick_is_met_by_the_one_that_is_carried_through_it(cycl
     second = dataclasses.replace(second, reach=through, held=through)
     one, _ = lab.replay(dataclasses.replace(motion, carries=(first, second))).objects
     assert "object other part" in one.collisions["carried"] and one.turn > math.radians(1)
-
-
-@pytest.mark.slow
-def test_what_falls_into_a_cup_lies_on_what_is_in_it(tmp_path) -> None:
-    """The second object stands far from the first one's way.
-
-    Where the second leans at last is decided by digits of its throw beyond 1e-9. The floor is the
-    lower side of the cup's bottom: what touches it has sunk through.
-    """
-    (tmp_path / "scene.toml").write_text(f"{tp.scene_text('near-cup')}\n[cost]\nquiet = 0.0\n")
-    (tmp_path / "jobs.toml").write_text(INTO_CUP)
-    cycle = cycles.plan_cycle(cycles.load_jobs(tmp_path / "jobs.toml"))
-    assert cycle.solved, cycle.message
-    first, second = lab.replay(cycle).objects
-    assert first.hits == [] and first.inside and first.rest.inside and first.rest.at_rest
-    assert second.collisions["carried"] == () and second.rest.entered
-    assert second.rest.pose[2] > first.rest.pose[2]
-    assert "floor" not in (*first.touched, *second.touched)
-    assert f"object {cycle.motion.carries[0].pick}" in second.touched

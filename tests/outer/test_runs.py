@@ -78,17 +78,6 @@ def test_a_measured_throw_may_use_up_the_clearances_of_its_plan(plan, rest) -> N
     assert seen["succeeds"] and not seen["findings"]
 
 
-def test_a_recording_may_end_in_motion_once_the_object_has_landed(plan) -> None:
-    """A motion that goes on after the landing, and whose recording is cut there."""
-    motion = joint_motion(plan)
-    whole, cut = lagging(motion), math.ceil(motion.throw.landing_time / TICK) + 100
-    drift = 0.1 * np.maximum(whole.times - motion.throw.landing_time, 0.0)[:, None]
-    moving = dataclasses.replace(whole, q=whole.q + drift)
-    columns = ("times", "q", "sent")
-    ended = dataclasses.replace(moving, **{c: getattr(moving, c)[:cut] for c in columns})
-    assert errors(ended, motion) == pytest.approx(errors(whole, motion), abs=2e-3)
-
-
 @pytest.mark.slow
 def test_a_lag_is_learnt_in_three_runs_inside_all_limits(plan) -> None:
     motion = joint_motion(plan)
@@ -107,45 +96,6 @@ def test_a_lag_is_learnt_in_three_runs_inside_all_limits(plan) -> None:
         assert not sent.samples.dq[[0, -1]].any()
     assert found[0][0] > 0.05
     assert (found[2] < found[0] / 10).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("x", "theta_deg"), [(1.080, 30.0), (1.557, 148.0)])
-def test_lags_are_learnt_over_the_map(tmp_path, loud_planner_of, x, theta_deg) -> None:
-    """Thrown over the base, too."""
-    planner = loud_planner_of("fr3")
-    target = planner.scene.target.in_plane(x, math.radians(theta_deg))
-    planner.plan(target, patience=20.0).save(tmp_path)
-    motion = joint_motion(tmp_path)
-    recordings = [lagging(motion)]
-    for _ in range(2):
-        sent, _ = corrected(motion, recordings[-1])
-        recordings.append(lagging(sent))
-    assert (errors(recordings[2], motion) < errors(recordings[0], motion) / 10).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("changes", [{"velocity": (0.2,)}, {"arrival": 1.0}])
-def test_a_lag_is_learnt_for_a_target_with_a_time(tmp_path, loud_planner_of, changes) -> None:
-    """The corrected motion begins 0.3 s before the plan's: it lands as much later on its clock."""
-    planner = loud_planner_of("fr3")
-    target = planner.scene.target
-    target = target.changed(x=target.x - 0.7 * changes.get("velocity", [0.0])[0], **changes)
-    planner.plan(target, patience=20.0).save(tmp_path)
-    motion = joint_motion(tmp_path)
-    recording = lagging(motion)
-    assert errors(recording, motion)[0] > 0.05
-    sent, _ = corrected(motion, recording)
-    learnt = lagging(sent).to_dict(motion)
-    assert learnt["error"]["position"] < 1e-3 and learnt["succeeds"]
-
-
-@pytest.mark.slow
-def test_what_cannot_be_learnt_is_not_sent_again(plan) -> None:
-    """An arm that lags by 0.6 s would have to be sent faster than it may."""
-    motion = joint_motion(plan)
-    with pytest.raises(InputError, match="corrected motion"):
-        corrected(motion, lagging(motion, spring=700.0))
 
 
 def test_noise_of_the_encoders_moves_the_landing_little(plan) -> None:
@@ -172,18 +122,6 @@ def test_correct_writes_what_to_send_next(plan, tmp_path, run, table) -> None:
     assert {key: shown[key] for key in said["motion"]} == said["motion"]
 
 
-def test_a_recording_that_begins_after_the_command_is_refused(plan, tmp_path) -> None:
-    motion = joint_motion(plan)
-    recording = lagging(motion)
-    recording.save(tmp_path / "run.csv")
-    header, *rows = (tmp_path / "run.csv").read_text().splitlines()
-    assert header.endswith(",since_command")
-    late = [",".join([*(cells := row.split(","))[:-1], str(float(cells[-1]) + 50)]) for row in rows]
-    (tmp_path / "run.csv").write_text("\n".join([header, *late]))
-    with pytest.raises(InputError, match=r"run\.csv: since_command = .*at most 0 in the first row"):
-        read_recording(tmp_path / "run.csv", motion)
-
-
 def plain(recording: Recording, path: Path, every: int, clock: float = 0.0) -> Path:
     """A CSV of joints sent and measured only, every so many milliseconds."""
     rows = np.column_stack([recording.times + clock, recording.q, recording.sent])[::every]
@@ -206,33 +144,6 @@ def test_a_plain_recording_of_any_arm_corrects_its_plan(scene, saved, tmp_path, 
     sent, _ = corrected(motion, read_recording(path, motion))
     np.testing.assert_allclose(q, sent.q, atol=1e-6)
     assert (errors(lagging(sent), motion) < errors(recording, motion) / 10).all()
-
-
-def test_a_plain_recording_of_another_motion_or_clock_is_refused(plan, tmp_path) -> None:
-    motion = joint_motion(plan)
-    recording = lagging(motion)
-    other = dataclasses.replace(recording, sent=recording.sent + 0.05 * np.eye(7)[1])
-    for one, clock in (other, 0.0), (recording, 0.2), (recording, 1.7e9):
-        with pytest.raises(InputError, match=r"plain\.csv: .*sent\d is .* off .* since_command"):
-            read_recording(plain(one, tmp_path / "plain.csv", 1, clock), motion)
-
-
-def test_a_recording_by_another_clock_is_the_same_one_with_a_hole_is_refused(
-    plan, tmp_path
-) -> None:
-    motion = joint_motion(plan)
-    recording, path = lagging(motion), tmp_path / "run.csv"
-    recording.save(path)
-    header, *rows = path.read_text().splitlines()
-    cells = [row.split(",", 1) for row in rows]
-    later = [f"{float(time) + 500:.6f},{rest}" for time, rest in cells]
-    path.write_text("\n".join([header, *later]))
-    assert errors(read_recording(path, motion), motion) == pytest.approx(
-        errors(recording, motion), rel=1e-3
-    )
-    path.write_text("\n".join([header, *rows[:200], *rows[400:]]))
-    with pytest.raises(InputError, match=r"run\.csv: t rises by .* must be at most"):
-        read_recording(path, motion)
 
 
 def test_the_way_to_the_start_pose_keeps_the_limits(plan) -> None:
@@ -261,35 +172,7 @@ def test_the_way_to_the_start_pose_is_clear_of_obstacles_or_refused(plan) -> Non
         approach(among(ball), HOME)
 
 
-@pytest.mark.slow
-def test_the_way_to_the_start_pose_from_the_floor_is_refused(plan) -> None:
-    motion, low = joint_motion(plan), HOME.copy()
-    low[[1, 3, 5]] = 1.75, -0.5, 2.0
-    with pytest.raises(InputError, match=r"not clear: floor: link 5 meets it"):
-        approach(motion, low)
-
-
-@pytest.mark.slow
-def test_from_near_a_throws_end_the_way_goes_over_the_floor(tmp_path, loud_planner_of) -> None:
-    """Where the arm has been guided down, the shoulder is raised first."""
-    planner = loud_planner_of("fr3")
-    target = planner.scene.target.in_plane(1.3, math.radians(120))
-    planner.plan(target, patience=20.0).save(tmp_path)
-    motion = joint_motion(tmp_path)
-    start = motion.q[-1].copy()
-    start[1] += 0.4
-    way = approach(motion, start)
-    assert way[-1] == pytest.approx(motion.q[0], abs=1e-6)
-    assert way[:, 1].min() < min(way[0, 1], way[-1, 1]) - 0.2
-    assert np.abs(np.diff(way, axis=0)).max() / TICK < 0.25 * max(motion.arm.limits.velocity)
-
-
 # Wrong input: one line, nothing moved.
-
-
-def test_a_run_needs_a_robot_and_somebody_to_ask(plan, refused) -> None:
-    assert "--robot" in refused("run", plan)
-    assert "--yes" in refused("run", plan, "--robot", "127.0.0.1")
 
 
 @pytest.mark.parametrize(
@@ -322,14 +205,6 @@ def test_what_is_no_franka_is_given_up(plan, refused, says, words) -> None:
     for one in kept:
         one.close()
     assert host in said and words in said
-
-
-@pytest.mark.parametrize("host", ["a..b", "é" * 70, "", "a b"])
-def test_a_host_that_is_none(plan, refused, host) -> None:
-    pytest.importorskip("pylibfranka")
-    assert "must be the name or the address of a machine" in refused(
-        "run --yes", plan, "--robot", host
-    )
 
 
 def test_a_robot_that_does_not_answer(plan, refused, tmp_path) -> None:

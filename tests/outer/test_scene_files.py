@@ -15,8 +15,7 @@ from builders import varied
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from throwplan.cycles.job_files import jobs_names, load_jobs
-from throwplan.problems import arm_files as arms
+from throwplan.cycles.job_files import jobs_names
 from throwplan.problems.scene_files import scene_from_table
 
 #: Only what has no default: a hand that throws.
@@ -88,17 +87,6 @@ def test_scenes_prints_a_line_each_and_one_object(run) -> None:
     said = run("scenes --json")
     assert set(said.json["scenes"]) == set(tp.scene_names()) and said.err == ""
     assert set(said.json["jobs"]) == set(jobs_names())
-
-
-@pytest.mark.parametrize("name", jobs_names())
-def test_shipped_jobs_can_be_copied(name, tmp_path, monkeypatch, run, refused) -> None:
-    monkeypatch.chdir(tmp_path)
-    said = run("scenes --write", name)
-    assert said.status == 0 and f"{name}.toml" in said.out
-    copy, shipped = load_jobs(tmp_path / f"{name}.toml"), load_jobs(name)
-    assert copy == shipped
-    assert f"did you mean '{name}'" in refused("scenes --write", name[:-1])
-    assert f"no scene '{name}': these are jobs, for throwplan cycle" in refused("plan", name)
 
 
 # Units, defaults, frozen, replace, aimed_at.
@@ -340,17 +328,6 @@ def test_a_sphere_is_not_turned(key, tmp_path) -> None:
     assert f"{key} = 20: not of a sphere" in refusal(tmp_path, text)
 
 
-def test_a_gripper_without_shapes_is_said(tmp_path) -> None:
-    """Of an arm that has some."""
-    hand = (Path(arms.__file__).parent / "grippers" / "franka-hand.toml").read_text("utf-8")
-    (tmp_path / "hand.toml").write_text(hand[: hand.index("capsules =")], encoding="utf-8")
-    text = tp.scene_text("pose").replace('file = "franka-hand"', 'file = "hand.toml"')
-    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
-    scene = tp.load_scene(tmp_path / "scene.toml")
-    assert not [one for one in scene.arm.capsules if one.link > scene.arm.joints]
-    assert any("no [[capsules]] of Franka Hand" in words for words in scene.notes)
-
-
 @pytest.mark.parametrize(
     ("name", "heading", "key"),
     [
@@ -454,16 +431,6 @@ def test_inertia_up_to_two_point_masses(mass, length, share, slimness) -> None:
         dataclasses.replace(bar, inertia=1.0001 * most, **rest)
 
 
-def test_a_file_that_is_there_is_overwritten_only_by_force(run, refused, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert run("scenes --write cup").status == 0
-    (tmp_path / "cup.toml").write_text("mine")
-    assert "--force" in refused("scenes --write cup")
-    assert (tmp_path / "cup.toml").read_text() == "mine"
-    assert run("scenes --write cup --force").status == 0
-    assert (tmp_path / "cup.toml").read_text() == tp.scene_text("cup")
-
-
 def test_a_scene_s_throwing_joints_are_its_arm_s() -> None:
     other = varied(tp.load_scene("pose"), robot={"throwing_joints": (2, 4)})
     assert other.arm.throwing_joints == (2, 4)
@@ -471,24 +438,6 @@ def test_a_scene_s_throwing_joints_are_its_arm_s() -> None:
     assert other.table()["robot"]["throwing_joints"] == [2, 4]
     planner = tp.Planner(other, library=False)
     assert planner.manipulator.size == 2
-
-
-def test_what_a_grippers_file_leaves_to_the_scene_is_the_same_in_python_and_toml(tmp_path) -> None:
-    file = "robotiq-2f-85"
-    for keys in ({"force": 60.0, "opening": 0.03}, {"dwell": 0.0}, {"dwell": 0.0, "force": 60.0}):
-        lines = "".join(f"{key} = {value}\n" for key, value in keys.items())
-        text = re.sub(
-            r"(?s)\[gripper\].*?(?=\n\[)",
-            f"[gripper]\nfile = '{file}'\n{lines}",
-            tp.scene_text("iiwa14"),
-        )
-        (tmp_path / "scene.toml").write_text(text)
-        read, made = tp.load_scene(tmp_path / "scene.toml").gripper, tp.Gripper(file=file, **keys)
-        assert read.profile() == made.profile() and (read.dwell, read.force) == (
-            made.dwell,
-            made.force,
-        )
-    assert tp.Gripper(force=60.0, opening=0.03).dwell == 0.0
 
 
 def test_sections_of_defaults_alone_are_kept_in_tables() -> None:

@@ -53,28 +53,6 @@ def test_the_drop_is_the_paper_s_by_every_model(drop, omega) -> None:
     assert drop["sp"]["events"] == pytest.approx({"pivot": 0.02275, "slide": 0.0487736}, abs=1e-6)
 
 
-def test_an_unknown_model_is_told_the_names(run, refused) -> None:
-    said = run("simulate drop-2cm --model ls-step")
-    header, row = said.out.splitlines()[1:3]
-    assert len(header) == len(row) and row.split()[0] == "ls-step"
-    line = refused("simulate drop --model ls-setp")
-    assert "did you mean 'ls-step'?" in line
-    assert all(name in line for name in NAMES)
-
-
-@pytest.mark.slow
-def test_a_model_that_fails_is_shown_and_the_others_go_on(tmp_path, run) -> None:
-    text = tp.scene_text("drop")
-    text = text.replace("opening = 0.05", "opening = 2.0").replace("force = 50.0", "force = 2000.0")
-    text += "acceleration = [300.0, 200.0]\nangular_acceleration = 500.0\nrate = 9.0\n"
-    (tmp_path / "hard.toml").write_text(text)
-    answer = run("simulate --json", tmp_path / "hard.toml").json
-    failing = {name for name, model in answer["models"].items() if model["status"] != "ok"}
-    assert {"ls", "sp"} <= failing and "ls-step" not in failing
-    said = run("simulate --model ls", tmp_path / "hard.toml")
-    assert said.status == 0 and "ls: not to be trusted" in said.out
-
-
 def test_pressure_of_the_scene_reaches_the_meshed_models(drop) -> None:
     hertz = varied(tp.load_scene("drop"), contact={"pressure": "hertz"})
     found = tp.simulate(hertz, "patch")["patch"].to_dict()["detach"]
@@ -154,8 +132,3 @@ def test_a_batch_throws_what_a_plan_sends(plan_of, saved) -> None:
     np.testing.assert_allclose(read.detach, found.detach, atol=1e-6)
     with pytest.raises(tp.InputError, match="holds no throw"):
         tp.simulate_batch(dataclasses.replace(plan, status="not_found"))
-
-
-def test_a_batch_takes_a_scene_by_its_name() -> None:
-    named, loaded = (tp.simulate_batch(s) for s in ("drop-2cm", tp.load_scene("drop-2cm")))
-    np.testing.assert_array_equal(named.detach, loaded.detach)

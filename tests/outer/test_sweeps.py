@@ -22,20 +22,6 @@ def delay(plan_of) -> tp.Plan:
     return plan_of("delay")
 
 
-def test_json_has_the_interface_s_keys(delay) -> None:
-    found = tp.sweep(delay, samples=100).to_dict()
-    result = json.loads(json.dumps(found, allow_nan=False))
-    assert set(result) >= KEYS
-    assert result["scene"] == "delay"
-    assert (result["samples"], result["model"], result["robust"]) == (100, "ls-step", False)
-    assert result["success"]["low"] <= result["success"]["rate"] <= result["success"]["high"]
-    assert set(result["bias"]) >= {"position", "angle"}
-    for name in ("position", "angle", "scaled"):
-        values = [result["quantiles"][name][key] for key in ("50", "90", "95", "99")]
-        assert values == sorted(values)
-    assert set(result["sensitivity"]["delay"]) >= {"x", "theta"}
-
-
 def test_what_is_not_given_is_assumed_and_named(delay) -> None:
     """Delay and opening; 0 says that there is no spread."""
     spreads = {"delay": tp.Distribution(uniform=0.005), "opening": tp.Distribution(uniform=0.0)}
@@ -83,12 +69,6 @@ def test_a_known_mean_delay_moves_the_command() -> None:
     assert release["command_time"] == pytest.approx(release["opening_time"] - dwell - 0.015)
     # The command goes out earlier by the mean, so that the mean throw lands at the target.
     assert tp.sweep(late, samples=64).to_dict()["bias"]["position"] < 5e-4
-
-
-def test_a_folder_does_not_hide_a_built_in_scene(run, tmp_path, monkeypatch) -> None:
-    (tmp_path / "hand-box").mkdir()
-    monkeypatch.chdir(tmp_path)
-    assert run("sweep hand-box --samples 10 --json").json["scene"] == "hand-box"
 
 
 @pytest.mark.slow
@@ -153,11 +133,6 @@ def test_without_a_throw(run, planner_of) -> None:
     failed = planner_of("hand-box").plan(tp.Pose(x=0.3, z=1.7))
     with pytest.raises(tp.InputError, match="not_found"):
         tp.sweep(failed)
-
-
-def test_an_unwritable_folder(tmp_path, refused) -> None:
-    (tmp_path / "out" / "sweep.csv").mkdir(parents=True)
-    assert "sweep.csv is a folder" in refused("sweep hand-box --out", tmp_path / "out")
 
 
 def test_an_address_without_a_scheduler_is_named(refused) -> None:

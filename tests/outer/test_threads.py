@@ -8,12 +8,10 @@ import os
 import subprocess
 import sys
 import threading
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan import robots
 
 #: Targets about the scene's own: x, z [m], theta [rad].
 OFFSETS = np.random.default_rng(5).uniform((-0.06, -0.04, -0.2), (0.06, 0.04, 0.2), (8, 3))
@@ -58,35 +56,6 @@ def run(planner: tp.Planner, first: tp.Plan, places: list[tp.Pose], expected: li
     assert [found.pop(i) for i in range(8)] == expected
     asyncio.run(tasks())
     assert [found[i] for i in range(8)] == expected
-
-
-def swing(planner: tp.Planner, plan: tp.Plan) -> list[tuple[str, float]]:
-    """The updates of a swing to a target that is 4 mm farther than the plan's."""
-    session = robots.follow(planner, plan)
-    target = dataclasses.replace(plan.target, x=plan.target.x + 4e-3)
-    samples, said = plan.throw.samples, []
-    for k in range(0, 200, 20):
-        update = session.update(k / 1000, samples.q[k], samples.dq[k], target)
-        said.append((update.status, *update.off))
-    return said
-
-
-def swing_while_planning(scene: tp.Scene) -> None:
-    """A swing, plans, a sweep and a plan's own methods at the same time, as alone."""
-    planner = tp.Planner(scene, library=False)
-    first = planner.plan()
-    alone = swing(planner, first), tp.sweep(first, samples=64).success.tolist(), first.to_dict()
-    copy = dataclasses.replace(first, throw=dataclasses.replace(first.throw))
-    with ThreadPoolExecutor(4) as pool:
-        plans = pool.map(planner.plan, targets(first.target)[:4])
-        swings = [pool.submit(swing, planner, first) for _ in range(2)]
-        swept = pool.submit(tp.sweep, copy, samples=64)
-        read = [pool.submit(copy.to_dict) for _ in range(2)]
-        assert all(plan.status in ("solved", "not_found") for plan in plans)
-        assert all(one.result() == alone[0] for one in swings)
-        assert swept.result().success.tolist() == alone[1] and all(
-            one.result() == alone[2] for one in read
-        )
 
 
 @pytest.mark.slow

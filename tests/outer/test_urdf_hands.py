@@ -10,11 +10,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-import throwplan as tp
 import trimesh
 import yourdfpy
 from imports import imported
-from throwplan.models.robot import Arm, SpatialArm, shape_overlaps
+from throwplan.models.robot import SpatialArm
 from throwplan.problems.arm_files import load_arm, load_gripper
 
 from oracle.shapes import to_segment
@@ -161,17 +160,6 @@ def test_a_gripper_file_replaces_the_hand_only_and_names_it(hand, tool, tmp_path
     assert own.links[-1].mass == pytest.approx(0.9 * hand)
 
 
-def test_a_plan_says_which_hand_the_gripper_took_the_place_of(tmp_path, run) -> None:
-    out = ["--out", tmp_path / "arm.toml"]
-    assert run("import-robot", handy(tmp_path, True), "--tool", "mount", *OPTIONS, *out).status == 0
-    text = tp.scene_text("pose").replace('arm = "panda"', 'arm = "arm.toml"')
-    text = text.replace('file = "franka-hand"', 'file = "robotiq-2f-85"')
-    (tmp_path / "scene.toml").write_text(text)
-    scene = tp.load_scene(tmp_path / "scene.toml")
-    notes = [note for note in scene.notes if "takes the place" in note]
-    assert len(notes) == 1 and "0.9 kg" in notes[0]
-
-
 # Units and extents of meshes.
 
 #: A box of 0.2 x 0.1 x 0.3 m as COLLADA, in its unit.
@@ -217,18 +205,6 @@ def test_the_unit_of_a_collada_mesh_counts(tmp_path) -> None:
         np.testing.assert_allclose(np.hstack(shape), np.hstack(shapes[0]), atol=2e-3)
 
 
-def test_coordinates_count_as_they_stand_and_another_up_axis_is_said(tmp_path, run) -> None:
-    """As in ROS, whose robots' meshes carry any up axis: Baxter's torso says Y_UP and is z up."""
-    found = []
-    for up in "ZY":
-        urdf, out = with_mesh(tmp_path, up=up), tmp_path / "arm.toml"
-        words = ["--tool", "mount", *OPTIONS, "--force", "--json", "--out", out]
-        said = run("import-robot", urdf, *words).json
-        assert said["not_z_up"] == (["forearm"] if up == "Y" else [])
-        found.append(load_arm("arm.toml", tmp_path).capsules)
-    assert found[0] == found[1]
-
-
 def test_a_mesh_larger_than_the_arm_is_refused_with_its_size(tmp_path, refused, untouched) -> None:
     """Inches without their unit: 39 times too large."""
     urdf = with_mesh(tmp_path, 0.0254, declared=1.0)
@@ -239,26 +215,3 @@ def test_a_mesh_larger_than_the_arm_is_refused_with_its_size(tmp_path, refused, 
     far = math.hypot(0.2, 0.05, 0.15) / 0.0254
     # Joints 0.1, 0.2, 0.4 and 0.35 m apart from the base on, and 0.1 m to the flange.
     assert f"link 'forearm': its shape reaches {far:.3g} m" in line and "reach, 1.15 m" in line
-
-
-def test_links_that_seem_to_meet_leave_the_other_capsules_as_they_are(tmp_path) -> None:
-    """A plate on the base is halved; those on two links, in one capsule each, overlap mostly."""
-    urdf, arms = handy(tmp_path), dict[str, Arm]()
-    bare = urdf.read_text()
-    plate = '<collision><geometry><box size="0.8 0.8 0.02"/></geometry></collision>'
-    for names in ("", "base", "column forearm_end"):
-        text = bare
-        for name in names.split():
-            text = text.replace(f'<link name="{name}">', f'<link name="{name}">{plate}')
-        urdf.write_text(text)
-        arms[names] = imported(tmp_path, urdf, JOINTS, "--tool", "mount", *OPTIONS)
-    without, stands, thick = arms.values()
-    assert [c for c in stands.capsules if c.link] == [c for c in without.capsules if c.link]
-    radii = [c.radius for c in stands.capsules if not c.link]
-    assert len(radii) > 4 and max(radii) < 0.2
-    links, depth = [c.link for c in thick.capsules], shape_overlaps(thick)
-    assert [c for c in thick.capsules if c.link == 5] == [
-        c for c in without.capsules if c.link == 5
-    ]
-    assert 0.1 < depth[links.index(1), links.index(4)] < 1.0
-    assert depth[links.index(1), links.index(5)] == 0.0
