@@ -18,9 +18,6 @@ from oracle import read_oracle
 
 ARM_SCENES = [name for name in tp.scene_names() if tp.load_scene(name).robot is not None]
 EVERY_DAY = ("cup", "pose", "ur5e")
-LINK += '<child link="l{i}"/><origin xyz="0 0 {z}"/><axis xyz="{axis}"/><limit lower="-2" upper="2"'
-LINK += ' effort="80" velocity="3"/></joint>'
-INERTIAL += ' izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
 
 
 def tool_speed(plan: tp.Plan) -> float:

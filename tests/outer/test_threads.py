@@ -70,7 +70,7 @@ def test_threads_and_tasks_plan_as_one_does_each_time(tmp_path) -> None:
 
 
 def main() -> None:
-    """Two runs with a new planner each, and one with a swing meanwhile."""
+    """Two runs with a new planner each."""
     scene = tp.load_scene("pose").replace(cost=tp.Cost(quiet=0.0))
     planner = tp.Planner(scene, library=False)
     first = planner.plan()
@@ -78,7 +78,6 @@ def main() -> None:
     expected = [landings(planner, first, target) for target in places]
     for _ in range(2):
         run(tp.Planner(scene, library=False), first, places, expected)
-    swing_while_planning(scene)
     print("done")
 
 
