@@ -1,4 +1,4 @@
-"""`throwplan calibrate`, the section [calibration], and plans that aim by it."""
+"""Fails if throws teach another bias than theirs, or a plan with [calibration] aims elsewhere."""
 
 from __future__ import annotations
 
@@ -155,26 +155,29 @@ def test_a_hidden_bias_is_halved(plans, tmp_path):
 # Plans with a calibration.
 
 
-def test_without_the_section_nothing_is_added(plans):
-    found = plans[1][1].to_dict()
-    assert "calibration" not in found
-    assert "your throws" not in plans[1][1].summary()
-    other = tp.Planner(loud("pose").replace(calibration=calibration()), library=False)
-    again = other.plan().to_dict()
-    assert again["nlp"] == found["nlp"]
+@pytest.fixture(scope="module")
+def aimed() -> tuple[tp.Planner, tp.Plan]:
+    """A planner of `pose` with a calibration, and its plan."""
+    planner = tp.Planner(loud("pose").replace(calibration=calibration()), library=False)
+    return planner, planner.plan()
+
+
+def test_without_the_section_nothing_is_added(plans, aimed):
+    found, again = plans[1][1].to_dict(), aimed[1].to_dict()
+    assert "calibration" not in found and again["nlp"] == found["nlp"]
     assert again["calibration"]["holds"] and again["calibration"]["bias"]["x"] == BIAS[0]
     assert again["calibration"]["aim"]["x"] == pytest.approx(1.17)
 
 
-def test_a_replay_compares_landings_without_the_bias():
+def test_sweeps_and_replays_have_the_bias(aimed):
+    """A replay in MuJoCo compares landings without it."""
+    swept = tp.sweep(aimed[1], samples=64).to_dict()
+    assert swept["bias"]["position"] < 1e-3 and swept["bias"]["angle"] < math.radians(0.3)
     pytest.importorskip("mujoco")
-    plan = tp.plan(loud("pose").replace(calibration=calibration()))
-    replay = lab.replay(plan, step=1e-4)
-    (one,) = replay.objects
+    (one,) = lab.replay(aimed[1], step=2e-4).objects
     dx, dtheta = one.off("limit_surface")
     assert abs(dx) < 2e-3 < abs(BIAS[0]) and abs(dtheta) < math.radians(1) < abs(BIAS[1])
     assert abs(one.off("target")[0]) > abs(BIAS[0]) - 2e-3
-    assert "without the bias" in replay.summary()
 
 
 def test_a_cup_is_entered_by_the_throw_as_it_really_flies():
@@ -202,17 +205,9 @@ def test_a_cup_is_entered_by_the_throw_as_it_really_flies():
     assert not dataclasses.replace(judged, throw=moved, status="not_found").verdict.ok
 
 
-def test_a_sweep_has_the_bias_too():
-    scene = loud("pose").replace(calibration=calibration())
-    plan = tp.plan(scene)
-    swept = tp.sweep(plan, samples=64).to_dict()
-    assert swept["bias"]["position"] < 1e-3 and swept["bias"]["angle"] < math.radians(0.3)
-
-
-def test_warm_moving_and_followed_throws_have_the_bias_too():
-    scene = loud("pose").replace(calibration=calibration())
-    planner = tp.Planner(scene, library=False)
-    plan = planner.plan()
+def test_warm_moving_and_followed_throws_have_the_bias_too(aimed):
+    planner, plan = aimed
+    scene = planner.scene
     again = planner.plan(tp.Pose(x=1.21, z=0.1, theta=0.02), warm=plan)
     moving = planner.plan(tp.Pose(x=1.2, z=0.1, theta=0.0, velocity=(0.05,)))
     for one in (again, moving):
@@ -236,26 +231,27 @@ def test_warm_moving_and_followed_throws_have_the_bias_too():
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        pytest.param({"speed": (4.0, 5.0)}, "speed", marks=pytest.mark.slow),
-        pytest.param({"rate": (5.0, 6.0)}, "turning rate", marks=pytest.mark.slow),
+        ({"speed": (4.0, 5.0)}, "speed"),
+        ({"rate": (5.0, 6.0)}, "turning rate"),
         ({"mass": 0.3}, "[object] mass"),
         ({"force": 100.0}, "[gripper] force"),
         ({"model": "sp"}, "[tolerance] model"),
     ],
 )
-def test_a_throw_unlike_the_measured_ones_is_warned_of(changes, key):
-    plan = tp.plan(loud("pose").replace(calibration=calibration(**changes)))
-    assert plan.solved and not plan.to_dict()["calibration"]["holds"]
-    assert f"[calibration] does not hold here: {key}" in plan.summary()
+def test_a_throw_unlike_the_measured_ones_is_warned_of(changes, key, aimed):
+    plan = aimed[1]
+    scene = plan.scene.replace(calibration=calibration(**changes))
+    throw = dataclasses.replace(plan.throw, deciding=plan.throw.deciding.in_scene(scene))
+    other = dataclasses.replace(plan, scene=scene, throw=throw)
+    assert not other.to_dict()["calibration"]["holds"]
+    assert f"[calibration] does not hold here: {key}" in other.summary()
 
 
-def test_throws_aimed_by_a_calibration_calibrate_again(tmp_path):
+def test_throws_aimed_by_a_calibration_calibrate_again(aimed, tmp_path):
     """They land on their target; their residual is the bias itself, not what is left of it."""
-    scene = loud("pose").replace(calibration=calibration())
-    plan = tp.plan(scene)
-    plan.save(tmp_path / "aimed")
+    aimed[1].save(tmp_path / "aimed")
     (tmp_path / "throws.csv").write_text("\n".join(["plan,x,theta", *["aimed,1.2,0.0"] * 9]))
-    for base in (scene, "pose"):
+    for base in (aimed[0].scene, "pose"):
         found = lab.calibrate(tmp_path / "throws.csv", base)
         assert found.section.bias == pytest.approx(BIAS, abs=1e-3)
 
@@ -326,9 +322,7 @@ def test_grip_forces_are_compared_by_their_median(recorded):
 # Wrong input.
 
 
-@pytest.mark.parametrize(
-    ("count", "level", "needed"), [(8, 0.9, 9), (18, 0.95, 19), (3, 0.8, 4), (2, 0.5, 3)]
-)
+@pytest.mark.parametrize(("count", "level", "needed"), [(8, 0.9, 9), (2, 0.5, 3)])
 def test_too_few_throws_are_refused_with_the_number_needed(
     refused, plans, tmp_path, count, level, needed
 ):
@@ -339,37 +333,30 @@ def test_too_few_throws_are_refused_with_the_number_needed(
     assert lab.calibrate(path, "pose", level).section.throws == needed
 
 
-@pytest.mark.parametrize(
-    ("row", "words"),
-    [
-        ("{plan},1.2,wide", "theta = 'wide'"),
-        ("{plan},1,2,0,1", "5 cells"),
-        ("nowhere,1.2,0", "nowhere"),
-    ],
-)
-def test_wrong_rows_are_refused(refused, plans, tmp_path, row, words):
-    path = tmp_path / "throws.csv"
-    path.write_text(f"plan,x,theta\n{row.format(plan=plans[0] / 'a')}\n")
-    said = refused("calibrate --scene pose", path)
-    assert "throws.csv: line 2" in said and words in said
-
-
 def test_wrong_files_and_options_are_refused(refused, plans, tmp_path):
     path = tmp_path / "throws.csv"
-    assert "throws.csv" in refused("calibrate --scene pose", path)
-    path.write_text("plan,x\na,1\n")
-    assert "theta" in refused("calibrate --scene pose", path)
+    for text, words in (
+        ("plan,x\na,1\n", "theta"),
+        (f"plan,x,theta\n{plans[0] / 'a'},1.2,wide\n", "line 2: theta = 'wide'"),
+        (f"plan,x,theta\n{plans[0] / 'a'},1,2,0,1\n", "line 2"),
+        ("plan,x,theta\nnowhere,1.2,0\n", "nowhere"),
+    ):
+        path.write_text(text)
+        said = refused("calibrate --scene pose", path)
+        assert "throws.csv" in said and words in said
     throws_file(plans, path, 9, bias=(0.0, 6.2))
     assert "theta" in refused("calibrate --scene pose", path)
     throws_file(plans, path, 9)
-    assert "its arm" in refused("calibrate --scene fr3", path)
-    assert "[motion]" in refused("calibrate --scene drop", path)
-    for option in ("--fit", "--throws 4", "--only com=com1"):
-        assert option.split()[0] in refused(f"calibrate {path} --scene pose {option}")
-    for level in ("1", "0.4", "nine"):
-        assert "--level" in refused(f"calibrate --scene pose --level {level}", path)
-    with pytest.raises(tp.InputError, match="recordings"):
-        lab.calibrate(path, "pose", fit=True)
+    for options, words in (
+        ("fr3", "its arm"),
+        ("drop", "[motion]"),
+        ("pose --fit", "--fit"),
+        ("pose --throws 4", "--throws"),
+        ("pose --only com=com1", "--only"),
+        ("pose --level 0.4", "--level"),
+        ("pose --level nine", "--level"),
+    ):
+        assert words in refused(f"calibrate {path} --scene {options}")
 
 
 def test_another_object_or_grip_is_refused(recorded, plans, tmp_path):

@@ -1,5 +1,8 @@
-"""`throwplan run` against franky-sim, which speaks a Franka's protocol and lags by 0.1 s; streams
-judged by franka-sim's rules of the controller. `make verify` installs both."""
+"""Fails if an FR3's controller refuses a motion, or a run over its protocol does not throw.
+
+franky-sim speaks the protocol and lags by 0.1 s; franka-sim has the rules of the controller. `make
+verify` installs both.
+"""
 
 from __future__ import annotations
 
@@ -141,21 +144,11 @@ def test_a_robot_picks_and_throws_parts(robot, cycled, tmp_path, run, table) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("hand", "number", "words"),
-    [
-        ((1, 0, 0), 2, "was not grasped"),
-        # On a busy machine the simulated arm is late: it may still be at the pick.
-        ((2, 2, 0.5), 2, "was "),
-    ],
-)
-def test_a_part_that_is_missing_or_lost_stops_a_robot(
-    robot, cycled, tmp_path, run, table, hand, number, words
-) -> None:
-    with with_hand(robot, 0.08, *hand):
+def test_a_part_that_is_missing_stops_a_robot(robot, cycled, tmp_path, run, table) -> None:
+    with with_hand(robot, 0.08, 1, 0, 0):
         said = run("run --yes", cycled, "--robot", HANDY, "--out", tmp_path / "out")
-    part = json.loads((cycled / "cycle.json").read_text())["steps"][number - 1]["pick"]
-    assert said.status == 2 and f"{part} {words}" in said.err.splitlines()[-1]
+    part = json.loads((cycled / "cycle.json").read_text())["steps"][1]["pick"]
+    assert said.status == 2 and f"{part} was not grasped" in said.err.splitlines()[-1]
     rows = table(tmp_path / "out" / "run.csv")
     assert rows["t"][-1] < 0.8 * joint_motion(cycled).times[-1]
     assert max(abs(np.diff(rows[f"q{j}"][-20:])).mean() for j in range(1, 8)) < 2e-5

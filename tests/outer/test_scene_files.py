@@ -1,4 +1,4 @@
-"""The scene format: built-in scenes, units, defaults, frozen sections, grip tables, refusals."""
+"""Fails if a scene file is read in another unit, loses a value, or a useless key passes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from builders import varied
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from throwplan.cycles.job_files import jobs_names
 from throwplan.problems.scene_files import scene_from_table
 
 #: Only what has no default: a hand that throws.
@@ -77,18 +76,6 @@ def test_a_built_in_scene_is_self_contained_and_can_be_copied(name, tmp_path, mo
     assert copy.replace(name="", file="") == scene.replace(name="", file="")
 
 
-def test_scenes_prints_a_line_each_and_one_object(run) -> None:
-    said = run("scenes")
-    assert (said.status, said.err) == (0, "")
-    scenes, _, jobs = said.out.partition("\n\njobs, for throwplan cycle:\n")
-    for names, lines in ((tp.scene_names(), scenes), (jobs_names(), jobs)):
-        assert [line.split()[0] for line in lines.splitlines()] == names
-        assert all(len(line.split()) > 5 for line in lines.splitlines())
-    said = run("scenes --json")
-    assert set(said.json["scenes"]) == set(tp.scene_names()) and said.err == ""
-    assert set(said.json["jobs"]) == set(jobs_names())
-
-
 # Units, defaults, frozen, replace, aimed_at.
 
 
@@ -105,20 +92,6 @@ def test_degrees_become_radians(tmp_path) -> None:
     assert scene.grasp.angle == pytest.approx(math.pi / 3)
     assert scene.tolerance.angle == pytest.approx(math.pi / 100)
     assert scene.hand.angular_speed == 12.0  # rad/s in the file too
-
-
-def test_defaults(tmp_path) -> None:
-    scene = loaded(tmp_path, LEAST)
-    assert scene.name == "scene" and scene.gravity == 9.81
-    assert (scene.contact.torsion, scene.contact.faces) == (0.6, 2)
-    assert scene.gripper.dwell == 0.0 and scene.object.width == 0.0
-    assert (scene.grasp.offset, scene.grasp.angle) == (0.0, 0.0)
-    assert (scene.tolerance.position, scene.tolerance.angle) == (0.002, math.radians(0.5))
-    assert scene.target == tp.Pose(x=1.2, y=0.0, z=0.0, theta=None)
-    assert scene.hand.start is None
-    assert type(scene.hand.speed) is float and type(scene.target.z) is float
-    for section in ("robot", "motion", "cup", "landing", "workspace", "arm"):
-        assert getattr(scene, section) is None
 
 
 @pytest.mark.parametrize(
@@ -245,111 +218,63 @@ def test_a_cup_may_stand_where_the_bar_still_falls_into_it(tmp_path) -> None:
 
 # Wrong keys, sections and values.
 
-
-SECTIONS = [
-    ("torque", "margin = 1.0", "margin.*below 0.9"),
-    ("torque", "limits = [80.0, 80.0]", "limits.*3"),
-    ("choice", "among = 0", "among = 0"),
-    ("cost", "jerk = 0.0", "jerk.*at least 0.001"),
-    ("robust", 'method = "loud"', "method"),
-    ("landing", "speed_max = -1", "speed_max"),
-    ("uncertainty", "", "nothing is uncertain"),
-    ("uncertainty", "delay = 0.01", "delay = 0.01: must be"),
-    ("uncertainty", "friction = 0", "friction = 0: must be"),
-    ("uncertainty", "delay = { uniform = -0.01 }", "delay: uniform = -0.01: must be at least 0"),
-    ("uncertainty", "delay = { uniform = 0.01, normal = 0.01 }", "exactly one of"),
-    # A sign that is wrong, and ms for s: the command would come after the throw, or before all.
-    ("uncertainty", "delay = { uniform = 0.01, mean = -5 }", "its mean = -5: must be -0.05 to"),
-    ("uncertainty", "friction = { uniform = 1.0 }", r"friction: reaches \[0, 2\]: must stay with"),
-    ("uncertainty", "mass = { samples = [0.2, -0.1] }", "mass: reaches"),
-]
-TWO = "delay = { normal = 1e-3 }\nmass = { normal = 1e-3 }\nopening = { normal = 1e-3 }\n"
-CORRELATIONS = [
-    ('[["delay", "friction", 0.5]]', "'friction' is not uncertain here"),
-    ('[["dlay", "mass", 0.5]]', "'dlay', did you mean 'delay'"),
-    ('[["delay", "mass", 1.0]]', "delay and mass = 1: must be between -1 and 1"),
-    ('[["delay", "mass", 0.1], ["mass", "delay", 0.2]]', "once"),
-    (
-        '[["delay", "mass", 0.9], ["mass", "opening", 0.9], ["delay", "opening", -0.9]]',
-        "positive definite",
-    ),
-]
-SECTIONS += [("uncertainty", f"{TWO}correlation = {rows}", words) for rows, words in CORRELATIONS]
-
-
-@pytest.mark.parametrize(("section", "text", "words"), SECTIONS)
-def test_wrong_optional_sections_are_refused(section, text, words, tmp_path) -> None:
-    message = refusal(tmp_path, f"{tp.scene_text('pose')}\n[{section}]\n{text}\n")
-    assert re.search(words, message)
-    assert message.count(f"[{section}]") == 1
-
-
-#: Sections of built-in scenes that would do nothing there, and the words that refuse them.
-VOID = [
-    *[
-        (
-            "drop",
-            section,
-            re.escape(section.splitlines()[0].replace("[[", "[").replace("]]", "]"))
-            + ": only for a scene",
-        )
-        for section in (
-            "[tolerance]\nposition = 0.01",
-            "[cost]",
-            "[choice]",
-            "[cup]\nrim = 0.1\nradius = 0.1\ndepth = 0.1\nx = 0.3",
-            "[landing]\nspeed_max = 1.0",
-            "[workspace]\nfloor = 0.0",
-            '[[obstacle]]\nname = "a"\nkind = "sphere"\nsize = [0.1]\nposition = [0, 0, 0]',
-            "[uncertainty]\ndelay = { uniform = 0.01 }",
-            "[robust]",
-            "[nlp]\ncarry = 8",
-        )
-    ],
-    (
-        "drop",
-        "[target]\nx = 0.3\nz = -0.5\narrival = 1.0",
-        r"\[target\] velocity and arrival: only",
-    ),
-    ("hand-box", "[workspace]\npalm_clearance = 0.01", r"\[workspace\] palm_clearance: only for"),
-]
+TWO = "delay = { normal = 1e-3 } & mass = { normal = 1e-3 } & opening = { normal = 1e-3 }"
+BALL = 'name = "a" & kind = "sphere" & size = [0.1] & position = [0, 0, 0]'
+#: A scene, a section with keys that it is given, and what the message says of them.
+WRONG = f"""
+pose | [torque] margin = 1.0 | margin.*below 0.9
+pose | [torque] limits = [80.0, 80.0] | limits.*3
+pose | [choice] among = 0 | among = 0
+pose | [cost] jerk = 0.0 | jerk.*at least 0.001
+pose | [robust] method = "loud" | method
+pose | [landing] speed_max = -1 | speed_max
+pose | [uncertainty] | nothing is uncertain
+pose | [uncertainty] delay = 0.01 | delay = 0.01: must be
+pose | [uncertainty] friction = 0 | friction = 0: must be
+pose | [uncertainty] delay = {{ uniform = -0.01 }} | delay: uniform = -0.01: must be at least 0
+pose | [uncertainty] delay = {{ uniform = 0.01, normal = 0.01 }} | exactly one of
+pose | [uncertainty] delay = {{ uniform = 0.01, mean = -5 }} | its mean = -5: must be -0.05 to
+pose | [uncertainty] friction = {{ uniform = 1.0 }} | friction: reaches .0, 2.: must stay with
+pose | [uncertainty] mass = {{ samples = [0.2, -0.1] }} | mass: reaches
+pose | [uncertainty] {TWO} & correlation = [["delay", "friction", 0.5]] | 'friction' is not unce
+pose | [uncertainty] {TWO} & correlation = [["dlay", "mass", 0.5]] | 'dlay', did you mean 'delay'
+pose | [uncertainty] {TWO} & correlation = [["delay", "mass", 1.0]] | = 1: must be between -1
+pose | [uncertainty] {TWO} & correlation = [["delay", "mass", 0.9], ["mass", "opening", 0.9], \
+["delay", "opening", -0.9]] | positive definite
+pose | [gripper] raw = true | raw
+pose | [[obstacle]] {BALL} & yaw_deg = 20.0 | yaw_deg = 20: not of a sphere
+hand-box | [torque] | only for a scene with .robot
+hand-box | [workspace] palm_clearance = 0.01 | palm_clearance: only for
+hand-box | [hand] theta_deg = [-30.0, 30.0] | theta_deg
+drop | [tolerance] position = 0.01 | only for a scene
+drop | [cost] | only for a scene
+drop | [choice] | only for a scene
+drop | [cup] rim = 0.1 & radius = 0.1 & depth = 0.1 & x = 0.3 | only for a scene
+drop | [landing] speed_max = 1.0 | only for a scene
+drop | [workspace] floor = 0.0 | only for a scene
+drop | [[obstacle]] {BALL} | only for a scene
+drop | [uncertainty] delay = {{ uniform = 0.01 }} | only for a scene
+drop | [robust] | only for a scene
+drop | [nlp] carry = 8 | only for a scene
+drop | [target] x = 0.3 & z = -0.5 & arrival = 1.0 | velocity and arrival: only
+drop | [gripper] sticking_margin = 0.2 | sticking_margin
+drop | [motion] cutoff = 20.0 | cutoff
+drop | [motion] opening_time = 0.2 | opening_time
+"""
 
 
-@pytest.mark.parametrize(("name", "section", "words"), VOID)
-def test_what_would_do_nothing_in_a_scene_is_refused(name, section, words, tmp_path) -> None:
-    message = refusal(tmp_path, f"{tp.scene_text(name)}\n{section}\n")
-    assert re.search(words, message) and message.count("\n") <= 1, message
-
-
-@pytest.mark.parametrize("key", ["yaw_deg", "pitch_deg"])
-def test_a_sphere_is_not_turned(key, tmp_path) -> None:
-    ball = '[[obstacle]]\nname = "a"\nkind = "sphere"\nsize = [0.1]\nposition = [0, 0, 0]\n'
-    text = f"{tp.scene_text('pose')}\n{ball}{key} = 20.0\n"
-    assert f"{key} = 20: not of a sphere" in refusal(tmp_path, text)
-
-
-@pytest.mark.parametrize(
-    ("name", "heading", "key"),
-    [
-        ("drop", "[gripper]", "sticking_margin = 0.2"),
-        ("hand-box", "[hand]", "theta_deg = [-30.0, 30.0]"),
-        # Of a recording.
-        ("drop", "[motion]", "cutoff = 20.0"),
-        ("drop", "[motion]", "opening_time = 0.2"),
-        ("pose", "[gripper]", "raw = true"),
-    ],
-)
-def test_keys_that_would_do_nothing_beside_others_are_refused(name, heading, key, tmp_path) -> None:
-    text = tp.scene_text(name).replace(heading, f"{heading}\n{key}")
-    assert f"{heading} {key.split()[0]}" in refusal(tmp_path, text)
-
-
-def test_torque_is_only_for_a_robot_with_masses(tmp_path) -> None:
-    text = f"{tp.scene_text('hand-box')}\n[torque]\n"
-    assert "only for a scene with [robot]" in refusal(tmp_path, text)
-    scene = loaded(tmp_path, f"{tp.scene_text('pose')}\n[torque]\n")
-    with pytest.raises(tp.InputError, match="no link masses"):
-        varied(scene, arm={"links": ()})
+@pytest.mark.parametrize("row", WRONG.replace("\\\n", "").strip().splitlines())
+def test_wrong_sections_and_what_would_do_nothing_are_refused(row, tmp_path) -> None:
+    name, given, words = row.split(" | ")
+    heading, _, keys = given.partition("] ")
+    heading = heading.rstrip("]") + ("]]" if "[[" in heading else "]")
+    text, lines = tp.scene_text(name), keys.lstrip("] ").replace(" & ", "\n")
+    if heading in text:
+        text = text.replace(heading, f"{heading}\n{lines}", 1)
+    else:
+        text += f"\n{heading}\n{lines}\n"
+    message = refusal(tmp_path, text)
+    assert heading.strip("[]") in message and re.search(words, message), message
 
 
 def test_uncertainty_in_every_unit(tmp_path) -> None:
