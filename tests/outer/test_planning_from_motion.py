@@ -1,4 +1,4 @@
-"""Plans that go on from a state of motion: joined to it, inside all limits, at another target."""
+"""Fails if a plan from a state of motion does not join it, breaks a limit, or misses."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def state_at(plan: tp.Plan, tick: int) -> tp.State:
     return tp.State(samples.q[tick], samples.dq[tick], samples.ddq[tick])
 
 
-@pytest.mark.parametrize(("tick", "dx"), [(60, 0.1), (120, -0.05), (170, 0.04)])
+@pytest.mark.parametrize(("tick", "dx"), [(60, 0.1), (150, -0.04)])
 def test_a_swing_goes_on_to_another_target(pose_planner, swing, tick, dx) -> None:
     state, target = state_at(swing, tick), swing.target.changed(x=swing.target.x + dx)
     plan = pose_planner.plan(target, start=state, warm=swing)
