@@ -1,4 +1,4 @@
-"""Plans and sweeps, from their files, beside an oracle that shares no code with them."""
+"""Fails if the oracle, which shares no code with the planner, finds a limit broken or a miss."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Wrong input: exit status 2, one line that says where, what and what is allowed, nothing left."""
+"""Fails if a wrong file or command is run, leaves a file, or is not one line that names it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`[contact] shape` through the command line: simulated, and refused by all else."""
+"""Fails if a limit surface of another shape is thrown as an ellipsoid, or planned with."""
 
 from __future__ import annotations
 

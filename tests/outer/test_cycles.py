@@ -1,4 +1,4 @@
-"""Cycles: many picks and bins as one motion, by their files and judged by code of its own."""
+"""Fails if a cycle breaks a limit by the oracle, leaves a pick askew, or hides a mistake."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from throwplan.cli import main
 from throwplan.cycles import Cycle, plan_cycle
 from throwplan.cycles.job_files import jobs_names, load_jobs
 from throwplan.lab import replay
+from throwplan.models.robot import SpatialArm
 from throwplan.planner.result import read_motion
 from throwplan.planner.throw import TICK, Samples
 
@@ -33,8 +34,6 @@ x = 0.6
 y = -0.02
 z = 0.62
 """
-#: A capsule that reaches lower than the bar.
-LONG = [{"begin": [0.01, 0.0], "end": [0.49, 0.0], "radius": 0.01}]
 
 
 def test_a_cycle_breaks_no_limit(cycled: Path) -> None:
@@ -45,11 +44,12 @@ def hand_and_objects(folder: Path) -> list[tuple[np.ndarray, np.ndarray, np.ndar
     """Of each object the poses of the pads on the way to its pick, at it, and on the way from it,
     by the arm's chain."""
     motion, begin, found = read_motion(folder), 0, []
+    poses = SpatialArm(motion.arm).frames(motion.q)[-1].copy()
+    poses[:, :3, 3] += motion.arm.tool.tcp * poses[:, :3, 2]
     for step in motion.carries:
-        placed = motion.arm.placed
-        rows = (motion.q[begin : step.reach + 1], motion.q[step.held : step.free])
-        way, on = (np.array([placed(q)[-1] for q in some[::2]]) for some in rows)
-        found.append((way, placed(motion.q[step.held])[-1], on))
+        found.append(
+            (poses[begin : step.reach + 1], poses[step.held], poses[step.held : step.free])
+        )
         begin = int(np.ceil(step.detach_time / TICK))
     return found
 
@@ -83,14 +83,9 @@ def test_a_finger_that_sweeps_through_its_object_is_judged(cycled: Path) -> None
     assert "open hand" in words and "the object that it comes for" in words
 
 
-def test_it_returns_to_its_first_pick(cycled: Path) -> None:
-    q = read_motion(cycled).q
-    assert np.array_equal(q[0], q[-1])
-
-
 def test_a_cycle_is_read_back_and_judged_again(cycled: Path, tmp_path: Path) -> None:
     motion = read_motion(cycled)
-    assert motion.verdict.ok
+    assert motion.verdict.ok and np.array_equal(motion.q[0], motion.q[-1])
     Cycle("two", motion.carries[0].throw.scene, motion).save(tmp_path)
     assert (tmp_path / "motion.csv").read_text() == (cycled / "motion.csv").read_text()
 
@@ -165,13 +160,9 @@ def test_sections_for_one_throw_are_refused(section: str, tmp_path: Path, refuse
     [
         ("gripper", {"force": 60.0}, "grip at"),
         ("target", {"x": 1.01}, "lands"),
-        ("workspace", {"floor": 0.2}, "held object, floor"),
         ("workspace", {"floor": 0.02, "column_radius": 0.5, "column_height": 0.9}, "base column"),
         ("torque", {"limits": [10.0, 60.0, 10.0]}, "torque of joint 2"),
-        ("torque", {"rate": 500.0}, "torque rate"),
-        ("object", {"outline": LONG}, "held object, floor"),
         ("obstacle", [{"name": "post", "kind": "sphere", "size": [0.1]}], "flying bar, post"),
-        ("obstacle", [{"name": "lamp", "kind": "sphere", "size": [0.1]}], "lamp"),
     ],
 )
 def test_the_judge_sees_what_is_broken(section, values, words, cycled, tmp_path: Path) -> None:
@@ -180,13 +171,11 @@ def test_the_judge_sees_what_is_broken(section, values, words, cycled, tmp_path:
     cycle = json.loads((cycled / "cycle.json").read_text())
     for step in cycle["steps"]:
         if section == "obstacle":
-            place = step["landing"] if words.endswith("post") else step["target"]
+            place = step["landing"]
             values[0]["position"] = [0.9 * place["x"], 0.9 * place["y"], 0.45]
         table = step["definition"]
         own = {} if section in ("workspace", "tolerance") else table.get(section, {})
         table[section] = values if section == "obstacle" else own | values
-        if "outline" in values:
-            table[section] |= {"length": 0.5, "width": 0.02}
     (tmp_path / "cycle.json").write_text(json.dumps(cycle))
     found = broken_limits(tmp_path)
     assert any(words in each for each in found), found

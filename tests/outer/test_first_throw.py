@@ -1,4 +1,4 @@
-"""The page of the first throw: its blocks run in order, and it names all that a plan assumes."""
+"""Fails if the page of the first throw does not run as it stands, or hides an assumption."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Swings that are corrected until the hand opens: joined, inside all limits, on the target."""
+"""Fails if a corrected swing leaves its samples or limits, misses, or takes a wrong update."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def check_hit(session: Session, goal: tp.Pose) -> None:
     assert abs(dx) < tolerance.position / 2 and abs(dtheta) < tolerance.angle / 2
 
 
-@pytest.mark.parametrize(("jump", "turn"), [(0.06, 0.0), (-0.05, 0.2), (0.0, -0.3)])
+@pytest.mark.parametrize(("jump", "turn"), [(0.06, 0.0), (-0.05, 0.2)])
 def test_a_target_that_jumps_is_hit(pose_planner, plan, jump, turn) -> None:
     session, target = robots.follow(pose_planner, plan, HORIZON), plan.target
     there = target.changed(x=target.x + jump, theta=target.theta + turn)
@@ -162,8 +162,7 @@ def test_what_can_be_followed(pose_planner, plan, planner_of, plan_of) -> None:
         robots.follow(planner_of("hand-box"), plan_of("hand-box"))
 
 
-@pytest.mark.parametrize("rate", [5.0, 50.0, 200.0, 450.0])
-@pytest.mark.parametrize("share", [-0.5, 0.0, 0.6])
+@pytest.mark.parametrize(("rate", "share"), [(5.0, -0.5), (450.0, 0.6)])
 def test_a_lag_is_found_from_exact_joints(plan, rate, share) -> None:
     """Also where a millisecond is a good part of the lag."""
     sent = plan.throw.samples.q

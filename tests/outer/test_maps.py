@@ -1,4 +1,4 @@
-"""The map of landing poses in reach: what is in it, its files, the command."""
+"""Fails if a map holds a pose that is out of reach, or lacks one that mechanics allows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command `throwplan prepare`: its object, its library, why there are fewer throws, Ctrl-C."""
+"""Fails if prepared throws are not kept, not used, or lost by an interrupt."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plans keep what makers recommend, say what goes beyond it, and name what is assumed."""
+"""Fails if a plan goes beyond what a maker recommends, or a margin, and does not say so."""
 
 from __future__ import annotations
 

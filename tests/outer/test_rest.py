@@ -1,8 +1,7 @@
-"""Where the object ends: bounces, friction, how many throws stay, and the plan that stays."""
+"""Fails if an object bounces or slides against physics, or is counted where it is not."""
 
 from __future__ import annotations
 
-import json
 import math
 
 import numpy as np
@@ -45,10 +44,8 @@ def over_bin(z: float = 0.25, **changes) -> tp.Scene:
 
 @pytest.mark.parametrize("restitution", [0.3, 0.6, 0.9])
 @pytest.mark.parametrize("theta", [0.0, math.pi / 2])
-@pytest.mark.parametrize("height", [0.15, 0.4])
-def test_a_bar_that_is_dropped_bounces_to_the_square_of_its_restitution(
-    restitution, theta, height
-) -> None:
+def test_a_bar_that_is_dropped_bounces_to_the_square_of_its_restitution(restitution, theta) -> None:
+    height = 0.4
     half = 0.015 if theta == 0.0 else 0.1
     start = FlightState(0.6, height + half, theta, 0.0, 0.0, 0.0)
     motion = rest_motion(over_floor(restitution, 0.4), start)
@@ -156,21 +153,6 @@ def test_a_bar_that_rises_to_the_place_is_followed() -> None:
     assert start.z < 0.5
     ends = roll_to_rest(scene, entry_states(scene, states)[1], np.full(1, 0.1), np.full(1, 0.4))
     assert ends.entered.all() and not ends.lost.any()
-
-
-@pytest.mark.slow
-def test_a_sweep_counts_the_throws_that_rest(tmp_path) -> None:
-    plan = tp.plan(over_bin(radius=0.10, depth=0.19, rim=0.20).replace(uncertainty=None))
-    swept = tp.sweep(plan, samples=64)
-    found = swept.to_dict()["rests"]
-    assert found["of"] == 64 and found["rests"] == swept.rests.rests
-    assert found["low"] < found["rate"] == swept.rests.share <= found["high"]
-    line = next(line for line in swept.summary().splitlines() if "rest in the cup" in line)
-    assert line.split()[0] == f"{100 * swept.rests.share:.2f}"
-    plan.save(tmp_path)
-    definition = json.loads((tmp_path / "plan.json").read_text())["definition"]
-    assert definition["rest"]["in"] == "cup"
-    assert tp.read_plan(tmp_path).scene.rest == plan.scene.rest
 
 
 def test_places_that_a_scene_does_not_have_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""`simulate`, its variants and batches of releases: names, statuses, files, scene motions."""
+"""Fails if a release model throws the drop or a batch otherwise, or a motion is read wrongly."""
 
 from __future__ import annotations
 

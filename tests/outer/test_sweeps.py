@@ -1,4 +1,4 @@
-"""Sweeps from Python and the command line: what is reported, files, workers, refusals."""
+"""Fails if a sweep counts another share than its throws have, or its seed does not fix it."""
 
 from __future__ import annotations
 
@@ -71,10 +71,12 @@ def test_a_known_mean_delay_moves_the_command() -> None:
     assert tp.sweep(late, samples=64).to_dict()["bias"]["position"] < 5e-4
 
 
-@pytest.mark.slow
-def test_any_executor_and_the_seed_alone_decides(delay) -> None:
+def test_any_executor_and_the_seed_alone_decides(plan_of) -> None:
+    """Of more samples than one worker takes at a time."""
+
     def result(**options) -> str:
-        return json.dumps(tp.sweep(delay, samples=9000, **options).to_dict() | {"time": 0})
+        found = tp.sweep(plan_of("hand-flip"), samples=9000, **options)
+        return json.dumps(found.to_dict() | {"time": 0})
 
     alone = result(seed=7)
     with ThreadPoolExecutor(3) as executor:
@@ -137,8 +139,8 @@ def test_without_a_throw(run, planner_of) -> None:
 
 def test_an_address_without_a_scheduler_is_named(refused) -> None:
     pytest.importorskip("distributed")
-    for address in ("127.0.0.1:1", "a..b:80"):
-        assert f"--scheduler {address}: " in refused(f"sweep hand-box --scheduler {address}")
+    address = "a..b:80"
+    assert f"--scheduler {address}: " in refused(f"sweep hand-box --scheduler {address}")
 
 
 @pytest.mark.slow

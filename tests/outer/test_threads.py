@@ -1,4 +1,7 @@
-"""One planner in several threads: in a process of its own, as a fault there ends the process."""
+"""Fails if threads or tasks with one planner plan otherwise than one thread does.
+
+In a process of its own, as a fault there ends the process.
+"""
 
 from __future__ import annotations
 

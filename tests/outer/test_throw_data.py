@@ -1,4 +1,4 @@
-"""Measured throws: data sets as files, and `identify`."""
+"""Fails if a data set is read wrongly, a wrong one is read, or a contact is not identified."""
 
 from __future__ import annotations
 
