@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -70,3 +71,21 @@ def test_arrays_that_are_handed_in_stay_as_they_are() -> None:
     response = robots.Response(rate, np.zeros(3))
     assert not response.rate.flags.writeable
     assert all(array.flags.writeable for array in (*hand.values(), delays, rate))
+
+
+@pytest.mark.slow
+def test_threads_plan_as_one_does(planner_of, plan_of) -> None:
+    """Of a plan from nothing the status, of one from a plan nearby the landing's last digit."""
+    planner, first = planner_of("hand-flip"), plan_of("hand-flip")
+    targets = [
+        first.target.changed(x=first.target.x + shift) for shift in np.linspace(-0.1, 0.1, 8)
+    ]
+
+    def found(target: tp.Pose) -> tuple[object, ...]:
+        cold, moved = planner.plan(target), planner.plan(target, warm=first)
+        return cold.status, moved.solver, moved.throw.deciding.landing.pose
+
+    expected = [found(target) for target in targets]
+    for _ in range(2):
+        with ThreadPoolExecutor(4) as pool:
+            assert list(pool.map(found, targets)) == expected

@@ -62,7 +62,7 @@ def test_a_command_imports_only_what_it_needs(words, names) -> None:
         ("rosbags.typesys", "export {plan} --ros {new}", "rosbags"),
         ("pylibfranka", "run --yes {plan} --robot 127.0.0.1", "pylibfranka"),
         ("viser", "view {plan} --no-browser", "viser"),
-        ("yourdfpy", "import-robot {plan}/x.urdf --out {new}.toml", "yourdfpy"),
+        ("yourdfpy", "import-robot {plan}/plan.json --out {new}.toml", "yourdfpy"),
     ],
 )
 def test_an_extra_that_is_not_there_is_named(

@@ -1,4 +1,4 @@
-"""Fails if a page is not served or does not end, a picture lacks its throw, or a film its length."""
+"""Fails if a page is not served or does not end, or a picture or film lacks its throw."""
 
 from __future__ import annotations
 
