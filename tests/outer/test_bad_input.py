@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from importlib import resources
 from pathlib import Path
 
@@ -270,45 +271,42 @@ def test_what_is_left_out_and_taken_is_said(folder, run):
     assert "notes" not in run("plan scene.toml --json").json
 
 
-@pytest.mark.parametrize(
-    ("sections", "edits"),
-    [
-        (ROBOT, {"gripper.force": "1.3"}),
-        (ROBOT, {"gripper.force": "1.3", "robot.start_deg": None}),
-        (LEVEL, {"gripper.force": "83.0"}),
-    ],
-)
-def test_grip_that_can_hold_the_start_is_not_refused(sections, edits, folder):
-    (folder / "scene.toml").write_text(toml(sections, edits))
+@pytest.mark.parametrize(("sections", "force"), [(ROBOT, "1.3"), (LEVEL, "83.0")])
+def test_grip_that_can_hold_the_start_is_not_refused(sections, force, folder):
+    put(folder, sections, {"gripper.force": force})
     Planner(load_scene("scene.toml"))
 
 
-#: Edits of the shipped arm's data file, and words of the message beside file and key.
-ARMS = [
-    ("velocity = [2.1750, 2.1750", "velocity = [2.1750, inf", ["velocity", "inf"]),
-    ("velocity = [2.1750, ", "velocity = [", ["velocity", "7"]),
-    ("jerk = ", "jrek = ", ["jrek"]),
-    ("azimuth_joint = 1", "azimuth_joint = 9", ["azimuth_joint", "9"]),
-    ("azimuth_joint = 1", "", ["azimuth_joint", "missing"]),
-    ("d = 0.333", "d = nan", ["dh", "nan"]),
-    ("inertia = [0.0156", "inertia = [-0.0156", ["links 1: inertia = [-0.0156", "at least 0"]),
-    ("00248480843", "0248480843", ["links 1: inertia", "at least 0, one is -0.0156"]),
-]
+#: In the data file of an arm or a gripper: what is replaced, by what, and words of the message.
+PARTS = """
+panda | velocity = [2.1750, 2.1750 | velocity = [2.1750, inf | velocity; inf
+panda | velocity = [2.1750, | velocity = [ | velocity; 7
+panda | jerk = | jrek = | jrek
+panda | azimuth_joint = 1 | azimuth_joint = 9 | azimuth_joint; 9
+panda | azimuth_joint = 1 | | azimuth_joint; missing
+panda | d = 0.333 | d = nan | dh; nan
+panda | inertia = [0.0156 | inertia = [-0.0156 | links 1: inertia = [-0.0156; at least 0
+panda | 00248480843 | 0248480843 | links 1: inertia; at least 0, one is -0.0156
+panda | _joint = 1 | _joint = 1/overlaps = [{ capsules = [4, 5], depth = 0.1 }] | two links that
+panda | 0.083], radius = 0.05 | 0.083], radius = 0.05, beside = true | only with link = 0
+panda | [tool] | [tool]/tcp = 0.1 | tcp = 0.1: only without gripper = 'franka-hand'
+franka-hand | description = | assumed = ['mass']/description = | assumed = 'mass':
+"""
 
 
-@pytest.mark.parametrize(("right", "wrong", "words"), [(None, None, []), *ARMS])
-def test_arm_data_file(right, wrong, words, folder, refused):
+@pytest.mark.parametrize("row", PARTS.strip("\n").splitlines())
+def test_data_files_of_arms_and_grippers(row, folder, refused):
     """A copy of the shipped file is right; with a mistake the message names it."""
-    text = (resources.files("throwplan.problems") / "arms" / "panda.toml").read_text()
-    put(folder, ROBOT, {"robot.arm": '"my-arm.toml"'})
-    if right is None:
-        (folder / "my-arm.toml").write_text(text)
-        assert load_scene("scene.toml").arm == load_scene("pose").arm
-        return
+    name, right, wrong, words = (part.strip() for part in row.split(" |"))
+    kind = "arms" if name == "panda" else "grippers"
+    text = (resources.files("throwplan.problems") / kind / f"{name}.toml").read_text("utf-8")
+    text = re.sub(r"(?m)^(assumed|overlaps) = .*\n", "", text)
+    hand = {"gripper": 'file = "my.toml"\nforce = 70.0'}
+    put(folder, ROBOT, {"robot.arm": '"my.toml"'} if kind == "arms" else hand)
     assert right in text
-    (folder / "my-arm.toml").write_text(text.replace(right, wrong, 1))
+    (folder / "my.toml").write_text(text.replace(right, wrong.replace("/", "\n"), 1), "utf-8")
     message = refused("plan scene.toml")
-    for word in ("scene.toml", "my-arm.toml", *words):
+    for word in ("scene.toml", "my.toml", *words.split("; ")):
         assert word in message
 
 

@@ -12,7 +12,6 @@ import pytest
 import throwplan as tp
 from builders import loud, made_throws
 from throwplan import lab, robots
-from throwplan.models import TableGrip
 
 #: A bias, x [m] and theta [rad].
 BIAS = (0.03, math.radians(6.0))
@@ -106,50 +105,6 @@ def test_from_a_csv_to_a_plan_that_aims_beside_the_target(run, plans, tmp_path, 
     assert bare.landing.x == pytest.approx(1.2 - mean[0], abs=2e-4)
     assert bare.landing.theta == pytest.approx(-mean[1], abs=1e-3)
     assert sent.landing.x == pytest.approx(1.2, abs=2e-4)
-
-
-def test_in_python_the_section_serves_a_scene_and_its_file(plans, tmp_path):
-    throws_file(plans, tmp_path / "throws.csv", 9)
-    found = lab.calibrate(tmp_path / "throws.csv", "pose")
-    scene = found.apply(loud("pose"))
-    assert scene.calibration == found.section
-    assert scene.calibration.bias == pytest.approx(found.residuals.landing.mean(axis=0))
-    (tmp_path / "mine.toml").write_text(f"{tp.scene_text('pose')}\n{found.text()}")
-    again = tp.load_scene(tmp_path / "mine.toml").calibration
-    for field in dataclasses.fields(again):
-        there, here = getattr(again, field.name), getattr(found.section, field.name)
-        assert there == here or there == pytest.approx(here, rel=1e-5), field.name
-
-
-def test_a_hidden_bias_is_halved(plans, tmp_path):
-    """The truth opens 2 ms late, jittering by 0.2 ms, with 1 % more friction."""
-    scene = loud("pose")
-    rough = dataclasses.replace(scene.contact, friction=1.01)
-    rng = np.random.default_rng(5)
-
-    def lands(plan: tp.Plan) -> np.ndarray:
-        late = 0.002 + 0.0002 * rng.standard_normal()
-        throw = plan.throw.deciding
-        truth = dataclasses.replace(throw.scene, contact=rough, calibration=None)
-        landing = throw.in_scene(truth).delayed(late).landing
-        return np.array([landing.x, landing.theta])
-
-    folder, made = plans
-    lines = ["plan,x,theta"]
-    for i in range(12):
-        x, theta = lands(made[i % 3])
-        lines.append(f"{folder / 'abc'[i % 3]},{x},{theta}")
-    (tmp_path / "throws.csv").write_text("\n".join(lines))
-    found = lab.calibrate(tmp_path / "throws.csv", scene)
-    plan = tp.Planner(found.apply(scene), library=False).plan()
-    assert plan.solved
-    assert plan.to_dict()["calibration"]["holds"]
-    known, target = found.section, np.array([1.2, 0.0])
-    before, after = (np.array([lands(one) - target for _ in range(5)]) for one in (made[1], plan))
-    lever = scene.object.half_length
-    sizes = [np.median(np.abs(off) @ [1.0, lever]) for off in (before, after)]
-    assert known.position < abs(known.x) or known.angle < abs(known.theta)
-    assert sizes[1] < 0.5 * sizes[0]
 
 
 # Plans with a calibration.
@@ -299,24 +254,6 @@ def test_a_throw_is_left_out_of_the_fit_that_predicts_it(recorded):
     sections = tomllib.loads(before.text())
     assert sections["contact"]["friction"] == pytest.approx(fitted.contact.friction, rel=1e-5)
     assert set(sections["uncertainty"]) >= {"friction", "patch_radius", "delay"}
-
-
-def test_grip_forces_are_compared_by_their_median(recorded):
-    """One weak grip is that throw's own: it is predicted by it, and moves no other prediction."""
-    data, scene = recorded
-    weak = data.throws[0].grip
-    times = weak.dwell + np.array([-weak.dwell, 0.0, weak.opening])
-    grip = TableGrip(times, [0.8 * weak.full, 0.8 * weak.full, 0.0])
-    one = dataclasses.replace(data.throws[0], grip=grip)
-    before, after = (
-        lab.calibrate(dataclasses.replace(data, throws=(first, *data.throws[1:])), scene)
-        for first in (data.throws[0], one)
-    )
-    change = np.abs(after.residuals.landing - before.residuals.landing)
-    assert change[0].max() > 1e-3 and change[1:].max() < 1e-9
-    stronger = scene.replace(gripper=scene.gripper.changed(force=250.0))
-    with pytest.raises(tp.InputError, match="median"):
-        lab.calibrate(data, stronger)
 
 
 # Wrong input.

@@ -1,4 +1,4 @@
-"""Fails if a corrected swing leaves its samples or limits, misses, or takes a wrong update."""
+"""Fails if a swing that is corrected or planned anew leaves its motion or limits, or misses."""
 
 from __future__ import annotations
 
@@ -178,3 +178,66 @@ def test_before_the_motion_all_of_it_is_to_come(pose_planner, plan) -> None:
     first = robots.follow(pose_planner, plan).update(-1.0, samples.q[0], samples.dq[0])
     joints = [j - 1 for j in plan.scene.arm.throwing_joints]
     np.testing.assert_allclose(first.q[:, joints], samples.q, rtol=0, atol=1e-12)
+
+
+# Plans that go on from a state of motion.
+
+
+def state_at(plan: tp.Plan, tick: int) -> tp.State:
+    samples = plan.throw.samples
+    return tp.State(samples.q[tick], samples.dq[tick], samples.ddq[tick])
+
+
+@pytest.mark.parametrize(("tick", "dx"), [(60, 0.1), (150, -0.04)])
+def test_a_swing_goes_on_to_another_target(pose_planner, plan, tick, dx) -> None:
+    state, target = state_at(plan, tick), plan.target.changed(x=plan.target.x + dx)
+    found = pose_planner.plan(target, start=state, warm=plan)
+    assert found.solved, found.message
+    sent, before = found.throw.samples, plan.throw.samples
+    for name in ("q", "dq", "ddq"):
+        assert getattr(sent, name)[0] == pytest.approx(getattr(state, name), abs=1e-9)
+    # What was sent until then and what is sent now are one motion within the limits.
+    both = ([getattr(before, k)[:tick], getattr(sent, k)] for k in ("q", "dq", "ddq"))
+    whole = Samples(*map(np.vstack, both))
+    assert not excesses(pose_planner.manipulator, whole)
+    # It lands there, thrown as one motion too; the gripper is told after the state, not before.
+    one = {"path": whole.path, "samples": whole, "manipulator": pose_planner.manipulator}
+    opening = found.throw.opening_time + TICK * tick
+    throw = dataclasses.replace(found.throw.deciding, opening_time=opening, **one)
+    (dx, dtheta), own = throw.miss(target), found.throw.deciding.miss(target)
+    assert abs(dx - own[0]) < 1e-4 and abs(dtheta - own[1]) < 1e-3
+    assert found.throw.deciding.command_time >= 0
+
+
+def test_any_state_within_the_limits_is_a_start(pose_planner, plan) -> None:
+    """Without a plan to go on from: states drawn at random, at up to a third of the rates."""
+    limits, random, solved = pose_planner.manipulator.planning, np.random.default_rng(3), 0
+    middle, half = (limits.q_max + limits.q_min) / 2, (limits.q_max - limits.q_min) / 2
+    home = plan.throw.samples.q[0]
+    home = home + 0.2 * (middle - home)
+    for _ in range(4):
+        q = home + random.uniform(-0.1, 0.1, 3) * half
+        state = tp.State(q, random.uniform(-0.3, 0.3, 3) * limits.dq, np.zeros(3))
+        found = pose_planner.plan(start=state)
+        if found.solved:
+            solved += 1
+            assert found.throw.samples.q[0] == pytest.approx(q, abs=1e-9)
+            assert found.throw.samples.dq[0] == pytest.approx(state.dq, abs=1e-9)
+    assert solved >= 3
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("q", np.full(3, 9.0), "State q: joint 2 at 9: must be -1.7628 to 1.7628"),
+        ("dq", np.full(3, -9.0), "State dq: joint 2 at -9: must be -2.175 to 2.175"),
+        ("ddq", np.full(3, np.nan), "State ddq: must be 3 finite numbers"),
+        ("dq", np.zeros(7), "State dq: must be 3 finite numbers"),
+    ],
+)
+def test_states_beyond_the_limits_are_refused(pose_planner, plan, name, value, words) -> None:
+    state = dataclasses.replace(state_at(plan, 50), **{name: value})
+    with pytest.raises(tp.InputError, match=words):
+        pose_planner.plan(start=state)
+    with pytest.raises(tp.InputError, match="start: a robust plan begins at rest"):
+        pose_planner.plan(start=state_at(plan, 50), robust=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ from builders import varied
 from throwplan.models.robot import SpatialArm
 from throwplan.planner.throw import TICK
 from throwplan.planner.verdict import Code, measures_of, verdict_on
-from throwplan.problems import arm_files as arms
 
 from oracle import read_oracle
 
@@ -102,40 +100,3 @@ def test_a_grippers_spread_is_the_scenes_uncertainty_where_that_is_silent(tmp_pa
     assert silent.uncertainty.opening.uniform == 0.5 and silent.uncertainty.opening.relative
     assert own.uncertainty is None
     assert set(silent.assumed) - set(own.assumed) == {"gripper.dwell", "gripper.opening"}
-
-
-#: A file, text in it after which a key would do nothing, the key, and what is said of it.
-IDLE = [
-    ("panda", "[limits]\n", "torque_margin = 0.2", "torque_margin = 0.2: only with masses"),
-    ("panda", "_joint = 1\n", "assumed = ['slowing']", r"assumed = 'slowing': .*\[limits\]: pos"),
-    ("panda", "_joint = 1\n", "overlaps = [{ capsules = [4, 5], depth = 0.1 }]", "two links that"),
-    (
-        "panda",
-        "0.083], radius = 0.05",
-        ", beside = true",
-        "capsules 10: beside = true: only with link = 0",
-    ),
-    ("panda", "[tool]\n", "tcp = 0.1", "tcp = 0.1: only without gripper = 'franka-hand'"),
-    (
-        "franka-hand",
-        'description = "Franka Hand"\n',
-        "assumed = ['mass']",
-        "assumed = 'mass': .*: force, force_peak, dw",
-    ),
-]
-
-
-@pytest.mark.parametrize(("name", "after", "key", "words"), IDLE)
-def test_keys_that_would_do_nothing_are_refused(name, after, key, words, tmp_path, refused) -> None:
-    folder = "arms" if name == "panda" else "grippers"
-    text = (Path(arms.__file__).parent / folder / f"{name}.toml").read_text(encoding="utf-8")
-    text = re.sub(r"^(assumed|overlaps|torque_rate) = .*\n", "", text, flags=re.M)
-    if "masses" in words:
-        text = text.partition("[[links]]")[0]
-    (tmp_path / "own.toml").write_text(
-        text.replace(after, f"{after}{key}\n" if "\n" in after else after + key), encoding="utf-8"
-    )
-    scene = tp.scene_text("pose").replace(f'"{name}"', '"own.toml"')
-    (tmp_path / "scene.toml").write_text(scene, encoding="utf-8")
-    line = refused("plan", tmp_path / "scene.toml")
-    assert "own.toml" in line and re.search(words, line)

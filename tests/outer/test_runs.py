@@ -221,17 +221,6 @@ def test_a_part_lost_in_its_swing_stops_the_arm_by_a_brake(cycle) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("opens", [0, 1])
-def test_a_gripper_that_stays_closed_keeps_the_arm_from_the_next_pick(cycle, opens) -> None:
-    franka = opened(opens=opens)
-    recording, sent, _ = one_run(franka, cycle)
-    assert recording.trouble.startswith(f"{cycle.carries[opens].pick} was not thrown: the gripper")
-    assert franka.gripper.orders[-1][0] == "move"
-    assert np.abs(sent[-1] - cycle.q[-1]).max() > 0.05
-    assert len(recording.command_times) == opens + 1
-
-
-@pytest.mark.slow
 def test_what_waits_at_its_pick_is_in_the_way_of_the_arm(cycle, cycled) -> None:
     """Of stops that the run may take, and of the way to the start pose."""
     first, second = cycle.carries
@@ -433,9 +422,7 @@ def test_what_is_no_franka_is_given_up(plan, refused, tmp_path) -> None:
         (lambda rows: rows[:120], "the recording ends at 0.118 s, before the pads are open"),
         (lambda rows: rows[:-620], "record until the arm rests, or until the landing"),
         (lambda rows: rows[:1] + rows[150:], "does not begin at rest"),
-        (lambda rows: rows[:1], "t must rise over at least two rows"),
         (lambda rows: [rows[0].replace("sent3", "sent9"), *rows[1:]], "sent3 is missing"),
-        (lambda rows: rows[:1] + rows[:0:-1], "t must rise"),
         (lambda rows: rows[:1] + rows[1::20], "t rises by 0.02 s a row"),
         (lambda rows: [*rows[:5], rows[5].replace(",", ",x", 1), *rows[6:]], "line 6"),
     ],

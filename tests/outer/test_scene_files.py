@@ -94,23 +94,22 @@ def test_degrees_become_radians(tmp_path) -> None:
     assert scene.hand.angular_speed == 12.0  # rad/s in the file too
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"gravity": math.nan}, ["gravity", "nan", "finite"]),
-        ({"gravity": -1.0}, ["gravity", "-1", "at least 0"]),
-        ({"target": None}, ["[target]", "missing"]),
-        ({"target": tp.Pose(x=1.0, z=0.1)}, ["[cup]", "theta_deg"]),
-        ({"robot": None, "arm": None}, ["[hand]", "[robot]", "[motion]"]),
-        ({"object": "bar"}, ["object", "bar"]),
-        ({"obstacles": ()}, ["unknown key 'obstacles', did you mean 'obstacle'?"]),
-    ],
-)
-def test_replace_checks_again(changes, words) -> None:
-    with pytest.raises(tp.InputError) as caught:
-        tp.load_scene("near-cup").replace(**changes)
-    for word in words:
-        assert word in str(caught.value)
+def test_replace_checks_again() -> None:
+    for changes, words in (
+        ({"gravity": math.nan}, "gravity = nan"),
+        ({"target": None}, "target.* missing"),
+        ({"target": tp.Pose(x=1.0, z=0.1)}, "cup.*theta_deg"),
+        ({"robot": None, "arm": None}, "hand.*robot.*motion"),
+        ({"object": "bar"}, "object.*bar"),
+        ({"obstacles": ()}, "unknown key 'obstacles', did you mean 'obstacle'"),
+        ({"robot": tp.Robot(arm="iiwa41")}, "iiwa41.*shipped: "),
+    ):
+        with pytest.raises(tp.InputError, match=words):
+            tp.load_scene("near-cup").replace(**changes)
+    # Another arm is loaded; one that is given stays.
+    other = tp.load_scene("iiwa14").replace(robot=tp.Robot(arm="panda"))
+    assert other.arm.limits == tp.load_scene("pose").arm.limits
+    assert other.replace(gravity=9.8).arm is other.arm
 
 
 def test_a_scene_is_drawn_before_any_plan(run, tmp_path, monkeypatch) -> None:
@@ -119,30 +118,8 @@ def test_a_scene_is_drawn_before_any_plan(run, tmp_path, monkeypatch) -> None:
     with Image.open(tmp_path / said.json["file"]) as picture:
         assert picture.format == "PNG" and picture.width > picture.height > 700
     assert "exists already" in run("scenes --draw near-cup").err
-    for words in (
-        "scenes --draw drop",
-        "scenes --draw near-cap",
-        "scenes --draw pose --write pose",
-    ):
-        said = run(words)
-        assert said.status == 2 and said.err.count("\n") == 1
+    assert run("scenes --draw drop").status == 2
     assert [path.name for path in tmp_path.iterdir()] == ["near-cup.png"]
-    text = 'name = "a/near-cup"\n' + tp.scene_text("near-cup")
-    (tmp_path / "other.toml").write_text(text, encoding="utf-8")
-    assert "exists already" in run("scenes --draw other.toml").err
-
-
-def test_another_arm_or_gripper_is_loaded() -> None:
-    scene = tp.load_scene("iiwa14")
-    other = scene.replace(robot=tp.Robot(arm="panda"))
-    assert other.arm.limits == tp.load_scene("pose").arm.limits
-    assert other.replace(gravity=9.8).arm is other.arm
-    own = dataclasses.replace(other.arm, name="own")
-    assert scene.replace(robot=tp.Robot(arm="panda"), arm=own).arm is own
-    with pytest.raises(tp.InputError, match=r"iiwa41.*shipped: "):
-        scene.replace(robot=tp.Robot(arm="iiwa41"))
-    with pytest.raises(tp.InputError, match=r"iiwa41.*shipped: "):
-        tp.Gripper(file="iiwa41", force=100.0, dwell=0.05, opening=0.05)
 
 
 def test_a_cup_without_x_stands_at_the_target() -> None:
@@ -187,33 +164,18 @@ def test_aimed_at_takes_the_cup_along() -> None:
     assert pose.aimed_at(aside) == pose.replace(target=aside)
 
 
-@pytest.mark.parametrize(
-    ("target", "cup_x", "words"),
-    [
-        ("x = 0.9\nz = 0.22\ntheta_deg = -90", 1.3, "0.4 m off its centre, radius 0.06 m"),
-        ("x = 0.9\nz = 0.22\ntheta_deg = -60", 0.9, "0.08 m off its centre"),
+def test_a_target_at_which_the_bar_is_not_in_the_cup() -> None:
+    scene = tp.load_scene("near-cup")
+    for x, z, degrees, cup_x, words in (
+        (0.9, 0.22, -90, 1.3, "0.4 m off its centre, radius 0.06 m"),
+        (0.9, 0.22, -60, 0.9, "0.08 m off its centre"),
         # The lower end is inside, but the bar leans through the wall.
-        ("x = 0.84\nz = 0.073\ntheta_deg = -45", 0.9, "0.087 m off its centre"),
-        ("x = 0.9\nz = 0.08\ntheta_deg = -90", 0.9, "0.18 m below its rim, depth 0.15 m"),
-    ],
-)
-def test_a_target_at_which_the_bar_is_not_in_the_cup(target, cup_x, words, tmp_path) -> None:
-    text = re.sub(
-        r"\[target\].*?\n\n", f"[target]\n{target}\n\n", tp.scene_text("near-cup"), flags=re.S
-    )
-    text = text.replace("[cup]\nx = 0.90", f"[cup]\nx = {cup_x}")
-    message = refusal(tmp_path, text)
-    assert "[cup] at the [target] the bar is not in the cup" in message and words in message
-
-
-def test_a_cup_may_stand_where_the_bar_still_falls_into_it(tmp_path) -> None:
-    # At the target the lower end is above the rim: how it goes on is for the plan.
-    text = tp.scene_text("near-cup").replace("[cup]\nx = 0.90", "[cup]\nx = 1.00")
-    scene = loaded(tmp_path, text.replace("z = 0.22", "z = 0.27"))
-    with pytest.raises(tp.InputError, match="not in the cup"):
-        scene.replace(target=tp.load_scene("near-cup").target)
-    # Another target takes the cup along: which angles fit is no matter of the file.
-    assert scene.aimed_at(tp.Pose(x=0.9, z=0.2, theta=-1.0)).cup.x == pytest.approx(1.0)
+        (0.84, 0.073, -45, 0.9, "0.087 m off its centre"),
+        (0.9, 0.08, -90, 0.9, "0.18 m below its rim, depth 0.15 m"),
+    ):
+        target, cup = tp.Pose(x=x, z=z, theta=math.radians(degrees)), scene.cup.changed(x=cup_x)
+        with pytest.raises(tp.InputError, match=rf"the bar is not in the cup.*{words}"):
+            scene.replace(target=target, cup=cup)
 
 
 # Wrong keys, sections and values.
@@ -321,17 +283,6 @@ def test_grip_table_is_relative_to_the_scene_file(tmp_path, monkeypatch) -> None
     assert profile.dwell == pytest.approx(0.04) and profile.opening == pytest.approx(0.05)
     after = np.array([t - 0.04 for t, _ in ROWS[1:]])
     assert profile.force(after) == pytest.approx([f for _, f in ROWS[1:]], abs=1e-9)
-
-
-def test_grip_table_in_any_order_and_in_the_file_itself(tmp_path) -> None:
-    write_table(tmp_path, [(f, "x", t) for t, f in ROWS], "\ufefff_N,note,t")
-    aside = loaded(tmp_path, WITH_TABLE).gripper
-    assert list(zip(aside.times, aside.forces, strict=True)) == ROWS
-    lists = f"times = {[t for t, _ in ROWS]}\nforces = {[f for _, f in ROWS]}"
-    inside = loaded(tmp_path, LEAST.replace(FORCE, lists)).gripper
-    assert (inside.times, inside.forces) == (aside.times, aside.forces)
-    text = WITH_TABLE.replace("table =", "sticking_margin = 0.1\ntable =")
-    assert loaded(tmp_path, text).gripper == aside.changed(sticking_margin=0.1)
 
 
 # The bound on the inertia.

@@ -104,13 +104,6 @@ def test_a_film_is_five_times_as_long_as_the_throw(saved, run, refused, tmp_path
 
 
 @needs_opengl
-def test_a_picture_is_written_completely_or_not_at_all(saved, refused, tmp_path) -> None:
-    (tmp_path / "file").write_text("earlier")
-    assert "file" in refused("view", saved("hand-flip"), "--png", tmp_path / "file" / "below.png")
-    assert os.listdir(tmp_path) == ["file"]
-
-
-@needs_opengl
 def test_a_cycle_is_served_and_painted(cycled, run, free_port, tmp_path) -> None:
     """The page's facts are its phases, each object's in order; a picture has the size of all."""
     done = run("view", cycled, "--port", free_port(), "--no-browser", "--hold", "0.05", "--json")
