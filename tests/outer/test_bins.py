@@ -14,7 +14,7 @@ from throwplan.cycles import load_jobs, plan_cycle
 from throwplan.planner import Code, verdict_on
 from throwplan.problems import scene_from_table
 
-from oracle import bin_study, broken_limits
+from oracle import broken_limits
 from oracle.files import oracle_of, read_oracle, read_rows
 
 #: A box in front of a Panda, and another object: a T of two capsules.
@@ -40,14 +40,6 @@ def distance(plan: tp.Plan) -> float:
     judged = oracle_of(plan).judge(planned=True)
     assert judged.broken() == [()]
     return float(judged.found["bin"].value[0])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("shape", ["box", "round"])
-def test_random_bins_take_whole_objects(shape: str) -> None:
-    random = np.random.default_rng(3)
-    scene = bin_study.random_bin(shape, random)
-    assert distance(tp.plan(scene)) >= scene.bin.clearance - NEAR
 
 
 @pytest.fixture(scope="module")

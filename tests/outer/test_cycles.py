@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import throwplan as tp
 from builders import with_grip
-from job_lists import ONE, POSE, write_random_jobs
+from job_lists import HAMMER, ONE, POSE, TWO
 from throwplan.cycles import Cycle, plan_cycle
 from throwplan.cycles.job_files import jobs_names, load_jobs
 from throwplan.lab import replay
@@ -208,10 +209,12 @@ def test_shipped_jobs_are_solved(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "seed"), [("posts", 0), ("hammers", 0)])
-def test_among_obstacles_and_with_other_objects(kind: str, seed: int, tmp_path: Path) -> None:
-    jobs = load_jobs(write_random_jobs(tmp_path, seed, kind, picks=2)).loud
-    cycle = plan_cycle(jobs)
+def test_among_obstacles_and_with_another_object(tmp_path: Path) -> None:
+    post = "\n[[obstacle]]\nname = 'post'\nkind = 'box'\nsize = [0.05, 0.1, 0.5]\n"
+    text = tp.scene_text("fr3") + post + "position = [0.65, 0.1, 0.25]\n"
+    (tmp_path / "scene.toml").write_text(text)
+    (tmp_path / "jobs.toml").write_text(TWO.replace('"fr3"', '"scene.toml"') + HAMMER)
+    cycle = plan_cycle(load_jobs(tmp_path / "jobs.toml").loud)
     assert cycle.solved, cycle.message
     cycle.save(tmp_path)
     assert broken_limits(tmp_path) == []

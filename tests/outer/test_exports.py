@@ -248,21 +248,3 @@ def test_a_cycles_bag_closes_at_each_pick_and_opens_for_each_throw(
     (_, _, _), (_, throw, _), *commands = node_of()
     sent = np.array([when - throw.trajectory.header.stamp for _, _, when in commands])
     np.testing.assert_allclose(sent, times, atol=2.1e-3)
-
-
-def test_an_edited_cycle_is_not_sent(cycled, tmp_path, refused) -> None:
-    """A joint that jumps; an opening that comes before the grasp."""
-    folder = Path(shutil.copytree(cycled, tmp_path / "edited"))
-    lines = (folder / "motion.csv").read_text().splitlines()
-    column = lines[0].split(",").index("q2")
-    rows = [line.split(",") for line in lines]
-    rows[100][column] = str(0.1 + float(rows[100][column]))
-    (folder / "motion.csv").write_text("\n".join(",".join(row) for row in rows) + "\n")
-    assert "not sent" in refused("export", folder, "--ros", tmp_path / "bag")
-    folder = Path(shutil.copytree(cycled, tmp_path / "early"))
-    table = json.loads((folder / "cycle.json").read_text())
-    table["steps"][0]["definition"]["gripper"]["dwell"] = 1.9
-    (folder / "cycle.json").write_text(json.dumps(table))
-    said = refused("export", folder, "--ros", tmp_path / "bag")
-    assert "before it is held" in said
-    assert not (tmp_path / "bag").exists()

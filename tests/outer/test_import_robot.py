@@ -275,47 +275,6 @@ def test_open_fingers_meshes_and_all_else_are_inside_the_capsules(handed) -> Non
     assert min(c.radius for c in arm.capsules if c.link == 4) < np.linalg.norm(WRIST) / 2
 
 
-#: A box of 0.2 x 0.1 x 0.3 m as COLLADA, in its unit.
-COLLADA = """<?xml version="1.0"?>
-<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset>
-<created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified>
-<unit name="one" meter="{unit}"/><up_axis>Z_UP</up_axis></asset><library_geometries>
-<geometry id="g"><mesh><source id="p"><float_array id="a" count="24">{places}</float_array>
-<technique_common><accessor source="#a" count="8" stride="3"><param name="X" type="float"/>
-<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
-<vertices id="v"><input semantic="POSITION" source="#p"/></vertices><triangles count="12">
-<input semantic="VERTEX" source="#v" offset="0"/><p>{corners}</p></triangles></mesh></geometry>
-</library_geometries><library_visual_scenes><visual_scene id="s"><node id="n">
-<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
-<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
-
-
-def with_collada(folder: Path, unit: float, declared: float) -> Path:
-    """The arm with a box on its forearm, from the joint on along x, in COLLADA."""
-    box = trimesh.creation.box((0.2, 0.1, 0.3)).apply_translation((0.1, 0.0, 0.0))
-    places, corners = (" ".join(map(str, a.ravel())) for a in (box.vertices / unit, box.faces))
-    (folder / "box.dae").write_text(COLLADA.format(unit=declared, places=places, corners=corners))
-    urdf, head = handy(folder), '<link name="forearm">'
-    shape = '<visual><geometry><mesh filename="box.dae"/></geometry></visual>'
-    urdf.write_text(urdf.read_text().replace(head, head + shape))
-    return urdf
-
-
-def test_the_unit_of_a_collada_mesh_counts(tmp_path, refused) -> None:
-    shapes, words = [], ["--tool", "mount", *RATES]
-    for unit in (1.0, 0.001):
-        arm = imported(tmp_path, with_collada(tmp_path, unit, unit), *words)
-        (capsule,) = (c for c in arm.capsules if c.link == 3)
-        shapes.append(np.hstack([*sorted([capsule.begin, capsule.end]), capsule.radius]))
-    np.testing.assert_allclose(*shapes, atol=2e-3)
-    # The ball around the box is the largest sensible capsule.
-    assert shapes[0][-1] <= math.hypot(0.1, 0.05, 0.15)
-    # Inches without their unit: 39 times too large.
-    urdf = with_collada(tmp_path, 0.0254, declared=1.0)
-    line = refused("import-robot", urdf, *words, "--out", tmp_path / "new.toml")
-    assert f"link 'forearm': its shape reaches {math.hypot(0.2, 0.05, 0.15) / 0.0254:.3g} m" in line
-
-
 # Grippers.
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 import throwplan as tp
 from builders import nlp_of
 from throwplan import lab
-from throwplan.planner.verdict import Code, verdict_on
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -196,18 +194,3 @@ def test_a_hammer_goes_past_a_fence_into_a_bin_as_the_verdict_says() -> None:
     assert replay.rest.entered
     assert not replay.rest.touched_rim
     assert replay.rest.inside
-
-
-@pytest.mark.slow
-def test_a_wall_in_the_way_is_hit_in_mujoco_and_named_by_the_verdict() -> None:
-    """A wall is put where the hammer of a plan flies."""
-    scene = tp.load_scene(EXAMPLES / "hammer.toml")
-    plan = tp.plan(scene.replace(obstacle=()))
-    throw = plan.throw.deciding
-    x, z, _ = throw.flight(np.array([0.5 * throw.landing.flight_time]))[:, 0]
-    wall = scene.obstacle[0].changed(size=(0.03, 0.6, 0.1), position=(float(x), 0.0, float(z)))
-    into = replace(throw, scene=scene.replace(obstacle=(wall,)))
-    found = [f for f in verdict_on(into).broken if f.code is Code.COLLISION]
-    assert "obstacle fence" in {f.other for f in found}
-    made = replace(plan, scene=into.scene, throw=replace(plan.throw, deciding=into))
-    assert "obstacle fence" in lab.replay(made).objects[0].touched

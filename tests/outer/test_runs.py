@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import json
 import math
 import shutil
-import socket
-import threading
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -325,24 +322,6 @@ def test_a_motion_that_is_followed_lands_as_planned(motion) -> None:
     assert (off < [1e-3, math.radians(1.0)]).all()
 
 
-@pytest.mark.slow
-def test_a_lag_is_learnt_in_three_runs_inside_all_limits(motion) -> None:
-    sent, found, limits = motion, [], motion.arm.limits
-    for _ in range(3):
-        recording = lagging(sent)
-        found.append(errors(recording, motion))
-        sent, expected = corrected(motion, recording)
-        assert abs(expected.miss()[0]) < 1e-3 and abs(expected.miss()[1]) < math.radians(0.5)
-        most = limits.velocity, limits.acceleration, limits.jerk
-        for values, bound in zip(sent.samples.rows, most, strict=True):
-            rates = np.abs(np.diff(values, axis=0)).max(axis=0) / TICK
-            assert (rates <= np.array(bound) * (1 + 1e-6)).all()
-        assert (sent.q >= limits.position_min).all() and (sent.q <= limits.position_max).all()
-        assert not sent.samples.dq[[0, -1]].any()
-    assert found[0][0] > 0.05
-    assert (found[2] < found[0] / 10).all()
-
-
 def test_correct_writes_what_to_send_next(plan, motion, tmp_path, run, table) -> None:
     recording = lagging(motion)
     recording.save(tmp_path / "run.csv")
@@ -366,6 +345,11 @@ def test_a_plain_recording_of_any_arm_corrects_its_plan(plan, motion, tmp_path, 
     said = run("correct --json", plan, path, "--out", tmp_path / "next").json
     assert said["recorded"]["error"]["position"] > 0.02 and said["recorded"]["lag"] > 0.03
     sent, _ = corrected(motion, read_recording(path, motion))
+    limits = motion.arm.limits
+    most = limits.velocity, limits.acceleration, limits.jerk
+    for values, bound in zip(sent.samples.rows, most, strict=True):
+        assert (np.abs(np.diff(values, axis=0)) <= TICK * np.array(bound) * (1 + 1e-6)).all()
+    assert (sent.q >= limits.position_min).all() and (sent.q <= limits.position_max).all()
     written = table(tmp_path / "next" / "joints.csv")
     q = np.column_stack([written[f"q{j}"] for j in range(1, 8)])
     np.testing.assert_allclose(q, sent.q, atol=1e-6)
@@ -392,27 +376,15 @@ def test_the_way_to_the_start_pose_keeps_the_limits_and_clear_of_obstacles(motio
 
 
 def test_what_is_no_franka_is_given_up(plan, refused, tmp_path) -> None:
-    """A port that closes its connections, a host without the port, a name that is none."""
+    """A host without the port, a name that is none, nobody to ask."""
     pytest.importorskip("pylibfranka")
-
-    def serve(port: socket.socket) -> None:
-        # Until the port is closed.
-        with contextlib.suppress(OSError):
-            while True:
-                port.accept()[0].close()
-
-    ports = [socket.create_server(("127.0.19.5", number)) for number in (1337, 1338)]
-    for port in ports:
-        threading.Thread(target=serve, args=(port,), daemon=True).start()
     out = ("--out", tmp_path / "out")
-    assert "gripper: " in refused("run --yes", plan, "--robot", "127.0.19.5", *out)
-    for port in ports:
-        port.close()
-    said = refused("run --yes", plan, "--robot", "127.255.255.1", *out)
-    assert "127.255.255.1: does not answer on port 1337" in said
-    for host in ("a..b", ""):
-        assert "the address of a machine" in refused("run --yes", plan, "--robot", host, *out)
-    assert "--yes" in refused("run", plan, "--robot", "127.0.0.1", *out)
+    for host, more, words in (
+        ("127.255.255.1", ["--yes"], "127.255.255.1: does not answer on port 1337"),
+        ("a..b", ["--yes"], "the address of a machine"),
+        ("127.0.0.1", [], "--yes"),
+    ):
+        assert words in refused("run", plan, "--robot", host, *more, *out)
     assert not (tmp_path / "out").exists()
 
 
