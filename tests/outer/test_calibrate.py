@@ -328,3 +328,19 @@ def test_wrong_sections_are_refused(changes, words):
 def test_a_given_motion_has_no_calibration():
     with pytest.raises(tp.InputError, match=r"\[calibration\]: only for a scene with \[hand\]"):
         tp.load_scene("drop").replace(calibration=calibration())
+
+
+def test_a_known_mean_delay_is_no_bias() -> None:
+    """Throws that land where their plan says have none, however late the pads open."""
+    delay = tp.Distribution(uniform=0.002, mean=0.01)
+    late = loud("pose").replace(uncertainty=tp.Uncertainty(delay=delay))
+    plan = tp.Planner(late, library=False).plan()
+    landing = plan.throw.deciding.landing
+    data = lab.throw_data([plan] * 9, [(landing.x, landing.theta)] * 9)
+    bias = lab.calibrate(data, plan.scene).section.bias
+    assert plan.solved and np.abs(bias) == pytest.approx(np.zeros(2), abs=2e-3)
+    # A recorded force that holds the delay already is not shifted by it again.
+    grip = [dataclasses.replace(one, grip=one.grip.delayed(0.01)) for one in data.throws]
+    recorded = dataclasses.replace(data, throws=tuple(grip))
+    whole = lab.calibrate(recorded, late.replace(uncertainty=None)).section
+    assert np.abs(whole.bias) == pytest.approx(np.zeros(2), abs=2e-3)

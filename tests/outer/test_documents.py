@@ -1,4 +1,4 @@
-"""README and docs: links lead somewhere, commands exist, code runs, messages are real."""
+"""Fails if a page has a dead link, a command that is none, or code that does not run."""
 
 from __future__ import annotations
 

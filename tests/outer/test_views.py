@@ -67,13 +67,10 @@ def test_a_taken_port_is_named(saved, refused) -> None:
 
 
 def test_wrong_options(saved, refused, tmp_path) -> None:
-    for port in ("0", "65536", "web"):
-        said = refused(f"view x --port={port}")
-        assert f"--port {port}: must be a whole number, 1 to 65535" in said
-    assert "--hold inf: must be" in refused("view --hold=inf", saved("hand-flip"))
-    gif = tmp_path / "throw.gif"
+    assert "--port web: must be a whole number, 1 to 65535" in refused("view x --port=web")
     for kind in ("mp4", "png"):
-        assert f"must end in .{kind}" in refused("view", saved("hand-flip"), f"--{kind}", gif)
+        said = refused("view", saved("hand-flip"), f"--{kind}", tmp_path / "throw.gif")
+        assert f"must end in .{kind}" in said
 
 
 @needs_opengl
