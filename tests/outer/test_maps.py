@@ -162,6 +162,7 @@ def test_it_says_what_there_is_and_plans_use_it(run, tmp_path, monkeypatch) -> N
     assert said.status == 0 and "solved throws, none of them new" in said.out
 
 
+@pytest.mark.slow
 def test_it_says_why_there_are_fewer_than_asked_for(run, tmp_path, monkeypatch) -> None:
     """A hand so slow that its reach has no room for as many."""
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))

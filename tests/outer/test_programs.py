@@ -62,15 +62,13 @@ def test_a_program_runs_by_itself_and_plans_what_it_says(page, number, tmp_path,
     jobs.write_text(TWO)
     monkeypatch.setattr(cycles, "load_jobs", lambda name: load(jobs))
     found = vars(run_program(page, number))
-    made = [
-        one for value in found.values() for one in (value if isinstance(value, list) else [value])
-    ]
-    for plan in made:
-        if isinstance(plan, tp.Plan):
-            off, tolerance = plan.error_sent(), plan.scene.tolerance
-            assert plan.solved and off[0] <= tolerance.position and off[1] <= tolerance.angle
-        elif isinstance(plan, tp.Scene) and plan.motion is None:
-            assert tp.Planner(plan).plan().solved
+    lists = (value if isinstance(value, list) else [value] for value in found.values())
+    left = [one for some in lists for one in some]
+    plans = [one for one in left if isinstance(one, tp.Plan)]
+    scenes = [one for one in left if isinstance(one, tp.Scene) and one.motion is None]
+    for plan in plans or map(tp.plan, scenes):
+        off, tolerance = plan.error_sent(), plan.scene.tolerance
+        assert plan.solved and off[0] <= tolerance.position and off[1] <= tolerance.angle
 
 
 def test_excerpts_are_python() -> None:
