@@ -151,6 +151,7 @@ def test_the_model_of_the_tolerance_decides() -> None:
 # The command, its answer and its files.
 
 
+@pytest.mark.slow
 def test_files_in_the_folder(tmp_path, run) -> None:
     out = tmp_path / "out" / "deep"
     said = run("plan hand-flip --out", out)

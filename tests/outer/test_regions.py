@@ -80,6 +80,7 @@ def test_a_cup_stays_where_it_is(planner_of) -> None:
     assert abs(landing["x"] - x) + abs(landing["theta"] - theta) > 0.01
 
 
+@pytest.mark.slow
 def test_a_swing_is_corrected_if_it_would_land_outside(loud_planner_of) -> None:
     planner = loud_planner_of("pose")
     own = {"z": 0.1, "theta": (-0.2, 0.2)}
