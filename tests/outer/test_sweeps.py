@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from concurrent.futures import ThreadPoolExecutor
 
 import matplotlib.image
@@ -106,6 +107,14 @@ def test_the_command_prints_draws_and_writes(tmp_path, run, table) -> None:
     assert rows.dtype.names[:6] == ("sample", "delay", "opening", "friction", "hand_omega", "x")
     assert np.abs(rows["delay"]).max() <= 0.005
     assert rows["success"].mean() == pytest.approx(result["success"]["rate"])
+    # Wilson's interval: at its ends the rate is 1.96 standard deviations away.
+    rate, low, high = (result["success"][key] for key in ("rate", "low", "high"))
+    for end in (low, high):
+        away = 1.96 * math.sqrt(end * (1 - end) / rows.size)
+        assert abs(rate - end) == pytest.approx(away, rel=1e-3, abs=1e-9)
+    assert low < high
+    scaled = [result["quantiles"]["scaled"][key] for key in ("50", "90", "95", "99")]
+    assert scaled == sorted(scaled)
     pictures = {"landings.png", "delay.png", "tornado.png"}
     assert {p.name for p in out.iterdir()} == pictures | {"sweep.csv", "sweep.json"}
     for name in pictures:
