@@ -1,8 +1,5 @@
-"""The report: one page of this run's sections, its judge, its converged answers.
-
-A page that lacks a section, has an empty or unequal table, a number that is not finite or a dead
-link would fail here, and so would sections of two commits on one page.
-"""
+"""Fails if the report lacks a section, has an empty or unequal table, a number that is not finite, a
+dead link, or sections of two commits."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def hand_pose(q: np.ndarray, tcp: float) -> np.ndarray:
     return moved(q, 4) @ pose
 
 
-def planar_urdf(fingers: str = "prismatic", axis_length: float = 2.5) -> str:
+def planar_urdf() -> str:
     """The URDF: four joints, a fixed cover, a roll, two fingers.
 
     The tool link points along its -x and closes along its z.
@@ -77,7 +77,7 @@ def planar_urdf(fingers: str = "prismatic", axis_length: float = 2.5) -> str:
         lines.append(
             f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
             f'<origin xyz="{words(before[:3, 3])}" rpy="{words(rpy)}"/>'
-            f'<axis xyz="{words(axis_length * own)}"/>'
+            f'<axis xyz="{words(2.5 * own)}"/>'
             '<limit lower="-2" upper="2.2" velocity="3" effort="40"/></joint>'
         )
         link(child)
@@ -106,7 +106,7 @@ def planar_urdf(fingers: str = "prismatic", axis_length: float = 2.5) -> str:
     joint("flange", "fixed", parent, "hand", tool, x)
     for side in (1, -1):
         finger = somewhere(point(TOOL) + side * 0.02 * y)
-        joint(f"finger{side}", fingers, "hand", f"pad{side}", finger, y)
+        joint(f"finger{side}", "prismatic", "hand", f"pad{side}", finger, y)
     return "\n".join([*lines, "</robot>"])
 
 

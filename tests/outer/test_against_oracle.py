@@ -1,4 +1,4 @@
-"""Plans and sweeps, from their files, beside an oracle that shares no code with them."""
+"""Fails if the oracle, which shares no code with the planner, finds a limit broken or a miss."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ import throwplan as tp
 
 from oracle import read_oracle, read_rows
 
-SCENES = ["pose", "near-cup", "cup", "box", "flip", "delay", "fr3", "conveyor", "hand-flip", "ur5e"]
+SCENES = [
+    *("pose", "near-cup", "cup", "delay", "fr3", "conveyor", "hand-flip", "ur5e"),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in ("box", "flip")),
+]
 #: Landings agree to this [m], [rad]; shares of limits to this share.
 LANDING, SHARE = (1e-4, np.radians(0.05)), 1e-3
 

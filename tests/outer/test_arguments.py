@@ -1,4 +1,4 @@
-"""Arguments in Python: InputError with one line for values out of range and unknown names."""
+"""Fails if a wrong argument in Python is taken, or is not one line that names it."""
 
 from __future__ import annotations
 

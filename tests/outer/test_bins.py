@@ -1,4 +1,4 @@
-"""Throws into bins: whole, at any angle, far from the walls, which are obstacles too."""
+"""Fails if an object does not go into its bin whole, or meets a wall that the verdict ignores."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
+from job_lists import TWO
 from throwplan.cycles import load_jobs, plan_cycle
 from throwplan.planner import Code, verdict_on
 from throwplan.problems import scene_from_table
 
-from oracle import bin_study, broken_limits
+from oracle import broken_limits
 from oracle.files import oracle_of, read_oracle, read_rows
 
 #: A box in front of a Panda, and another object: a T of two capsules.
@@ -33,6 +34,12 @@ def into(**changes) -> tp.Scene:
     return tp.load_scene("box").replace(bin=tp.Bin(**(BOX | changes)))
 
 
+def by_hand(bin: dict, **changes) -> tp.Scene:
+    """The scene `hand-box` with a bin."""
+    bin = tp.Bin(**(bin | {"x": 1.2, "rim": 0.1}))
+    return tp.load_scene("hand-box").replace(bin=bin, target=None, **changes)
+
+
 def distance(plan: tp.Plan) -> float:
     """Least distance [m] from walls and rim, by the oracle, which finds nothing wrong."""
     assert plan.solved, plan.message
@@ -41,35 +48,27 @@ def distance(plan: tp.Plan) -> float:
     return float(judged.found["bin"].value[0])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("shape", ["box", "round"])
-def test_random_bins_take_whole_objects(shape: str) -> None:
-    random = np.random.default_rng(3)
-    scene = bin_study.random_bin(shape, random)
+@pytest.fixture(scope="module")
+def boxed() -> tp.Plan:
+    """A plan into the box."""
+    return tp.plan(into())
+
+
+def test_an_object_with_an_outline_goes_in_turned_walls() -> None:
+    scene = by_hand(BOX | {"yaw": math.radians(50.0)}, object=TEE, grasp=tp.Grasp())
     assert distance(tp.plan(scene)) >= scene.bin.clearance - NEAR
 
 
-@pytest.mark.slow
-def test_ten_boxes_and_ten_round_bins_take_whole_objects() -> None:
-    throws = list(bin_study.throws(10))
-    assert [one.words for one in throws if one.plan.solved and one.broken] == []
-    assert all(one.distance >= one.plan.scene.bin.clearance - NEAR for one in throws)
-    assert sum(one.plan.solved for one in throws) >= 18
+def test_a_round_bin_takes_a_whole_object() -> None:
+    scene = by_hand(ROUND)
+    assert distance(tp.plan(scene)) >= scene.bin.clearance - NEAR
 
 
-def test_an_object_with_an_outline_goes_in_turned_walls_or_not() -> None:
-    for changes in ({"yaw": math.radians(50.0)}, {**ROUND, "length": None, "width": None}):
-        scene = into(**changes).replace(object=TEE)
-        assert distance(tp.plan(scene)) >= scene.bin.clearance - NEAR
-
-
-def test_the_plan_keeps_as_far_from_the_walls_as_it_can() -> None:
+def test_the_plan_keeps_as_far_from_the_walls_as_it_can(boxed) -> None:
     """Farther than one that lands where it is told to, nearly as far as the walls beside it."""
-    scene = into()
-    free = distance(tp.plan(scene))
-    told = distance(tp.plan(scene.replace(target=tp.Pose(x=1.08, z=0.20))))
-    assert free > told
-    assert free > 0.9 * (0.10 - scene.object.width / 2)
+    told = distance(tp.plan(boxed.scene.replace(target=tp.Pose(x=1.08, z=0.20))))
+    assert told < (free := distance(boxed))
+    assert free > 0.9 * (0.10 - boxed.scene.object.width / 2)
 
 
 def test_without_target_every_landing_in_the_bin_is_one() -> None:
@@ -97,9 +96,9 @@ def test_the_target_follows_its_bin_and_the_bin_its_target() -> None:
     assert scene_from_table(own.table()).target == own.target
 
 
-def test_walls_are_obstacles_for_arm_and_object() -> None:
+def test_walls_are_obstacles_for_arm_and_object(plan_of) -> None:
     """A throw to a pose, judged among bins that stand where arm, held and flying object are."""
-    plan = tp.plan("pose")
+    plan = plan_of("pose")
     throw, scene = plan.throw.deciding, plan.scene
     tall = {"shape": "round", "radius": 0.3, "depth": 1.5, "rim": 1.5, "clearance": 0.0}
     held = tp.Bin(x=throw.hand(np.zeros(1)).pose[0, 0] + 0.3, **tall)
@@ -112,11 +111,10 @@ def test_walls_are_obstacles_for_arm_and_object() -> None:
     assert any(name.startswith("link") or name == "hand" for name in bodies)
 
 
-def test_a_throw_beside_the_bin_or_onto_its_rim_does_not_go_in() -> None:
-    plan = tp.plan(into())
-    throw = plan.throw.deciding
+def test_a_throw_beside_the_bin_or_onto_its_rim_does_not_go_in(boxed) -> None:
+    throw = boxed.throw.deciding
     for x, code in ((1.6, Code.BIN_MISSED), (1.13, Code.BIN_WALL)):
-        around = plan.scene.changed(bin=plan.scene.bin.changed(x=x, plane_x=x))
+        around = boxed.scene.changed(bin=boxed.scene.bin.changed(x=x, plane_x=x))
         broken = verdict_on(throw.in_scene(around)).codes
         assert code in broken or Code.BIN_WALL in broken
 
@@ -147,8 +145,7 @@ def test_the_object_comes_to_rest_in_the_bin() -> None:
     assert rest.inside and rest.entered and not rest.touched_rim
 
 
-CYCLE = """
-scene = "fr3"
+CYCLE = f"""{TWO.partition("[[pick]]")[0].partition("[[bin]]")[0]}
 [[bin]]
 name = "tray"
 shape = "box"
@@ -158,61 +155,18 @@ depth = 0.12
 rim = 0.15
 x = 0.9
 y = 0.4
-yaw_deg = 20.0
-[[bin]]
-name = "bucket"
-shape = "round"
-radius = 0.14
-depth = 0.2
-rim = 0.2
-x = 0.85
-y = -0.4
-[[pick]]
-name = "one"
-x = 0.40
-y = -0.12
-z = 0.34
-bins = ["tray"]
-[[pick]]
-name = "two"
-x = 0.50
-y = 0.12
-z = 0.34
-bins = ["bucket"]
-"""
+[[pick]]{TWO.partition("[[pick]]")[2]}"""
 
 
 @pytest.mark.slow
-def test_a_cycle_throws_into_bins_whose_walls_are_obstacles_of_all_motions(tmp_path: Path) -> None:
-    file = tmp_path / "two.toml"
-    file.write_text(CYCLE)
-    jobs = load_jobs(file)
-    first = jobs.scene_of(jobs.picks[0], jobs.bin("tray"))
-    assert {one.name for one in first.obstacle} == {"bin wall of bucket"}
-    assert first.bin.shape == "box" and first.target.theta is None
-    cycle = plan_cycle(jobs)
+def test_a_cycle_throws_into_a_bin(tmp_path: Path) -> None:
+    (tmp_path / "two.toml").write_text(CYCLE)
+    cycle = plan_cycle(load_jobs(tmp_path / "two.toml"))
     assert cycle.solved
     cycle.save(tmp_path / "out")
     assert broken_limits(tmp_path / "out") == []
     for one in cycle.motion.carries:
-        where = one.throw.landing.pose
-        assert one.throw.scene.bin.holds(where[0], 0.0)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ('shape = "box"', 'shape = "boxes"', "bin 1: .*shape"),
-        ("length = 0.30", "lenght = 0.30", "lenght.*length"),
-        ("width = 0.22", "", "width"),
-        ("radius = 0.14", "radius = 0.005", "radius = 0.005"),
-        ("x = 0.85", "", "bin 2: .*'x'"),
-    ],
-)
-def test_wrong_keys_of_a_bin_of_a_cycle(old: str, new: str, words: str, tmp_path: Path) -> None:
-    (tmp_path / "two.toml").write_text(CYCLE.replace(old, new))
-    with pytest.raises(tp.InputError, match=words):
-        load_jobs(tmp_path / "two.toml")
+        assert one.throw.scene.bin.holds(one.throw.landing.pose[0], 0.0)
 
 
 @pytest.mark.parametrize(
@@ -252,9 +206,3 @@ def test_a_bin_beside_a_cup_a_plane_or_a_belt_is_refused() -> None:
     hand = tp.load_scene("hand-box")
     with pytest.raises(tp.InputError, match=r"\[bin\] y"):
         hand.replace(bin=tp.Bin(**(BOX | {"y": 0.1})), target=None)
-
-
-def test_a_free_hand_throws_into_a_bin() -> None:
-    hand = tp.load_scene("hand-box")
-    scene = hand.replace(bin=tp.Bin(**(BOX | {"x": 1.2, "rim": 0.1})), target=None)
-    assert distance(tp.plan(scene)) >= scene.bin.clearance - NEAR

@@ -1,22 +1,17 @@
-"""`throwplan calibrate`, the section [calibration], and plans that aim by it."""
+"""Fails if throws teach another bias than theirs, or a plan with [calibration] aims elsewhere."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-import re
-import shlex
-import subprocess
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import MADE_THROWS, loud, made_throws
+from builders import loud, made_throws
 from throwplan import lab, robots
-from throwplan.models import TableGrip
 
 #: A bias, x [m] and theta [rad].
 BIAS = (0.03, math.radians(6.0))
@@ -112,91 +107,32 @@ def test_from_a_csv_to_a_plan_that_aims_beside_the_target(run, plans, tmp_path, 
     assert sent.landing.x == pytest.approx(1.2, abs=2e-4)
 
 
-def test_in_python_the_section_serves_a_scene_and_its_file(plans, tmp_path):
-    throws_file(plans, tmp_path / "throws.csv", 9)
-    found = lab.calibrate(tmp_path / "throws.csv", "pose")
-    scene = found.apply(loud("pose"))
-    assert scene.calibration == found.section
-    assert scene.calibration.bias == pytest.approx(found.residuals.landing.mean(axis=0))
-    (tmp_path / "mine.toml").write_text(f"{tp.scene_text('pose')}\n{found.text()}")
-    again = tp.load_scene(tmp_path / "mine.toml").calibration
-    for field in dataclasses.fields(again):
-        there, here = getattr(again, field.name), getattr(found.section, field.name)
-        assert there == here or there == pytest.approx(here, rel=1e-5), field.name
-
-
-def test_a_hidden_bias_is_halved(plans, tmp_path):
-    """The truth opens 2 ms late, jittering by 0.2 ms, with 1 % more friction."""
-    scene = loud("pose")
-    rough = dataclasses.replace(scene.contact, friction=1.01)
-    rng = np.random.default_rng(5)
-
-    def lands(plan: tp.Plan) -> np.ndarray:
-        late = 0.002 + 0.0002 * rng.standard_normal()
-        throw = plan.throw.deciding
-        truth = dataclasses.replace(throw.scene, contact=rough, calibration=None)
-        landing = throw.in_scene(truth).delayed(late).landing
-        return np.array([landing.x, landing.theta])
-
-    folder, made = plans
-    lines = ["plan,x,theta"]
-    for i in range(12):
-        x, theta = lands(made[i % 3])
-        lines.append(f"{folder / 'abc'[i % 3]},{x},{theta}")
-    (tmp_path / "throws.csv").write_text("\n".join(lines))
-    found = lab.calibrate(tmp_path / "throws.csv", scene)
-    plan = tp.Planner(found.apply(scene), library=False).plan()
-    assert plan.solved
-    assert plan.to_dict()["calibration"]["holds"]
-    known, target = found.section, np.array([1.2, 0.0])
-    before, after = (np.array([lands(one) - target for _ in range(5)]) for one in (made[1], plan))
-    lever = scene.object.half_length
-    sizes = [np.median(np.abs(off) @ [1.0, lever]) for off in (before, after)]
-    assert known.position < abs(known.x) or known.angle < abs(known.theta)
-    assert sizes[1] < 0.5 * sizes[0]
-
-
-@pytest.mark.slow
-def test_the_region_covers_new_throws_of_any_distribution(plans, tmp_path):
-    """Correlated residuals with heavy tails: 100 data sets of 20 throws, 50 new ones of each."""
-    rng, inside = np.random.default_rng(8), []
-    folder, made = plans
-    x, theta = predicted(made[0])
-    mix = np.array([[0.01, 0.0], [0.08, 0.03]])
-    for _ in range(100):
-        drawn = rng.standard_t(3, (70, 2)) @ mix.T + BIAS
-        lines = [f"a,{x + dx},{theta + turn}" for dx, turn in np.clip(drawn[:20], -0.9, 0.9)]
-        (folder / "throws.csv").write_text("\n".join(["plan,x,theta", *lines]))
-        known = lab.calibrate(folder / "throws.csv", "pose").section
-        off = np.abs(drawn[20:] - known.bias) <= (known.position, known.angle)
-        inside.append(off.all(axis=1).mean())
-    # Of 100 sets the mean has a standard error below 0.01.
-    assert 0.87 < np.mean(inside) < 0.96
-
-
 # Plans with a calibration.
 
 
-def test_without_the_section_nothing_is_added(plans):
-    found = plans[1][1].to_dict()
-    assert "calibration" not in found
-    assert "your throws" not in plans[1][1].summary()
-    other = tp.Planner(loud("pose").replace(calibration=calibration()), library=False)
-    again = other.plan().to_dict()
-    assert again["nlp"] == found["nlp"]
+@pytest.fixture(scope="module")
+def aimed() -> tuple[tp.Planner, tp.Plan]:
+    """A planner of `pose` with a calibration, and its plan."""
+    planner = tp.Planner(loud("pose").replace(calibration=calibration()), library=False)
+    return planner, planner.plan()
+
+
+def test_without_the_section_nothing_is_added(plans, aimed):
+    found, again = plans[1][1].to_dict(), aimed[1].to_dict()
+    assert "calibration" not in found and again["nlp"] == found["nlp"]
     assert again["calibration"]["holds"] and again["calibration"]["bias"]["x"] == BIAS[0]
     assert again["calibration"]["aim"]["x"] == pytest.approx(1.17)
 
 
-def test_a_replay_compares_landings_without_the_bias():
+def test_sweeps_and_replays_have_the_bias(aimed):
+    """A replay in MuJoCo compares landings without it."""
+    swept = tp.sweep(aimed[1], samples=64).to_dict()
+    assert swept["bias"]["position"] < 1e-3 and swept["bias"]["angle"] < math.radians(0.3)
     pytest.importorskip("mujoco")
-    plan = tp.plan(loud("pose").replace(calibration=calibration()))
-    replay = lab.replay(plan, step=1e-4)
-    (one,) = replay.objects
+    (one,) = lab.replay(aimed[1], step=2e-4).objects
     dx, dtheta = one.off("limit_surface")
     assert abs(dx) < 2e-3 < abs(BIAS[0]) and abs(dtheta) < math.radians(1) < abs(BIAS[1])
     assert abs(one.off("target")[0]) > abs(BIAS[0]) - 2e-3
-    assert "without the bias" in replay.summary()
 
 
 def test_a_cup_is_entered_by_the_throw_as_it_really_flies():
@@ -224,17 +160,9 @@ def test_a_cup_is_entered_by_the_throw_as_it_really_flies():
     assert not dataclasses.replace(judged, throw=moved, status="not_found").verdict.ok
 
 
-def test_a_sweep_has_the_bias_too():
-    scene = loud("pose").replace(calibration=calibration())
-    plan = tp.plan(scene)
-    swept = tp.sweep(plan, samples=64).to_dict()
-    assert swept["bias"]["position"] < 1e-3 and swept["bias"]["angle"] < math.radians(0.3)
-
-
-def test_warm_moving_and_followed_throws_have_the_bias_too():
-    scene = loud("pose").replace(calibration=calibration())
-    planner = tp.Planner(scene, library=False)
-    plan = planner.plan()
+def test_warm_moving_and_followed_throws_have_the_bias_too(aimed):
+    planner, plan = aimed
+    scene = planner.scene
     again = planner.plan(tp.Pose(x=1.21, z=0.1, theta=0.02), warm=plan)
     moving = planner.plan(tp.Pose(x=1.2, z=0.1, theta=0.0, velocity=(0.05,)))
     for one in (again, moving):
@@ -258,26 +186,27 @@ def test_warm_moving_and_followed_throws_have_the_bias_too():
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        pytest.param({"speed": (4.0, 5.0)}, "speed", marks=pytest.mark.slow),
-        pytest.param({"rate": (5.0, 6.0)}, "turning rate", marks=pytest.mark.slow),
+        ({"speed": (4.0, 5.0)}, "speed"),
+        ({"rate": (5.0, 6.0)}, "turning rate"),
         ({"mass": 0.3}, "[object] mass"),
         ({"force": 100.0}, "[gripper] force"),
         ({"model": "sp"}, "[tolerance] model"),
     ],
 )
-def test_a_throw_unlike_the_measured_ones_is_warned_of(changes, key):
-    plan = tp.plan(loud("pose").replace(calibration=calibration(**changes)))
-    assert plan.solved and not plan.to_dict()["calibration"]["holds"]
-    assert f"[calibration] does not hold here: {key}" in plan.summary()
+def test_a_throw_unlike_the_measured_ones_is_warned_of(changes, key, aimed):
+    plan = aimed[1]
+    scene = plan.scene.replace(calibration=calibration(**changes))
+    throw = dataclasses.replace(plan.throw, deciding=plan.throw.deciding.in_scene(scene))
+    other = dataclasses.replace(plan, scene=scene, throw=throw)
+    assert not other.to_dict()["calibration"]["holds"]
+    assert f"[calibration] does not hold here: {key}" in other.summary()
 
 
-def test_throws_aimed_by_a_calibration_calibrate_again(tmp_path):
+def test_throws_aimed_by_a_calibration_calibrate_again(aimed, tmp_path):
     """They land on their target; their residual is the bias itself, not what is left of it."""
-    scene = loud("pose").replace(calibration=calibration())
-    plan = tp.plan(scene)
-    plan.save(tmp_path / "aimed")
+    aimed[1].save(tmp_path / "aimed")
     (tmp_path / "throws.csv").write_text("\n".join(["plan,x,theta", *["aimed,1.2,0.0"] * 9]))
-    for base in (scene, "pose"):
+    for base in (aimed[0].scene, "pose"):
         found = lab.calibrate(tmp_path / "throws.csv", base)
         assert found.section.bias == pytest.approx(BIAS, abs=1e-3)
 
@@ -307,37 +236,6 @@ def test_recordings_are_predicted_by_the_scene(recorded):
 
 
 @pytest.mark.slow
-def test_the_page_of_the_shipped_throws_leads_to_a_plan(run, tmp_path, monkeypatch):
-    """Its commands in turn, with a fifth of the throws: the plan aims beside its target by the bias
-    of the calibration, with the contact that was identified."""
-    text = (MADE_THROWS / "README.md").read_text(encoding="utf-8")
-    (tmp_path / "examples").symlink_to(MADE_THROWS.parent)
-    monkeypatch.chdir(tmp_path)
-    for line in re.findall(r"^    (\w.*)$", text, flags=re.M):
-        command, *words = shlex.split(line, comments=True)
-        if command != "throwplan":
-            subprocess.run(line, shell=True, check=True)
-            continue
-        some = [] if words[0] == "plan" else ["--only", "repeat=1"]
-        said = run(words[0], *words[1:], *some)
-        assert said.status == 0, said
-    found, fit, plan = (
-        json.loads((Path("out") / name).read_text())
-        for name in ("calibration/calibrate.json", "fit/identify.json", "plan/plan.json")
-    )
-    assert found["throws"] == 18 and found["guaranteed"] > 0.9
-    assert plan["status"] == "solved" and plan["calibration"]["holds"]
-    sent = tp.read_plan("out/plan")
-    for key in ("friction", "patch_radius"):
-        value = fit[0]["fit"][key]["value"]
-        assert getattr(sent.scene.contact, key) == pytest.approx(value, rel=1e-5)
-    bare, target = sent.in_scene(sent.scene.replace(calibration=None)).landing, sent.target
-    off = bare.x - target.x, bare.theta - target.theta
-    bias = [found["bias"][name]["value"] for name in ("x", "theta")]
-    assert np.add(off, bias) == pytest.approx(np.zeros(2), abs=1e-3)
-
-
-@pytest.mark.slow
 def test_a_throw_is_left_out_of_the_fit_that_predicts_it(recorded):
     data, scene = recorded
     scene = scene.replace(uncertainty=tp.Uncertainty(delay=tp.Distribution(uniform=0.002)))
@@ -358,30 +256,10 @@ def test_a_throw_is_left_out_of_the_fit_that_predicts_it(recorded):
     assert set(sections["uncertainty"]) >= {"friction", "patch_radius", "delay"}
 
 
-def test_grip_forces_are_compared_by_their_median(recorded):
-    """One weak grip is that throw's own: it is predicted by it, and moves no other prediction."""
-    data, scene = recorded
-    weak = data.throws[0].grip
-    times = weak.dwell + np.array([-weak.dwell, 0.0, weak.opening])
-    grip = TableGrip(times, [0.8 * weak.full, 0.8 * weak.full, 0.0])
-    one = dataclasses.replace(data.throws[0], grip=grip)
-    before, after = (
-        lab.calibrate(dataclasses.replace(data, throws=(first, *data.throws[1:])), scene)
-        for first in (data.throws[0], one)
-    )
-    change = np.abs(after.residuals.landing - before.residuals.landing)
-    assert change[0].max() > 1e-3 and change[1:].max() < 1e-9
-    stronger = scene.replace(gripper=scene.gripper.changed(force=250.0))
-    with pytest.raises(tp.InputError, match="median"):
-        lab.calibrate(data, stronger)
-
-
 # Wrong input.
 
 
-@pytest.mark.parametrize(
-    ("count", "level", "needed"), [(8, 0.9, 9), (18, 0.95, 19), (3, 0.8, 4), (2, 0.5, 3)]
-)
+@pytest.mark.parametrize(("count", "level", "needed"), [(8, 0.9, 9), (2, 0.5, 3)])
 def test_too_few_throws_are_refused_with_the_number_needed(
     refused, plans, tmp_path, count, level, needed
 ):
@@ -392,37 +270,30 @@ def test_too_few_throws_are_refused_with_the_number_needed(
     assert lab.calibrate(path, "pose", level).section.throws == needed
 
 
-@pytest.mark.parametrize(
-    ("row", "words"),
-    [
-        ("{plan},1.2,wide", "theta = 'wide'"),
-        ("{plan},1,2,0,1", "5 cells"),
-        ("nowhere,1.2,0", "nowhere"),
-    ],
-)
-def test_wrong_rows_are_refused(refused, plans, tmp_path, row, words):
-    path = tmp_path / "throws.csv"
-    path.write_text(f"plan,x,theta\n{row.format(plan=plans[0] / 'a')}\n")
-    said = refused("calibrate --scene pose", path)
-    assert "throws.csv: line 2" in said and words in said
-
-
 def test_wrong_files_and_options_are_refused(refused, plans, tmp_path):
     path = tmp_path / "throws.csv"
-    assert "throws.csv" in refused("calibrate --scene pose", path)
-    path.write_text("plan,x\na,1\n")
-    assert "theta" in refused("calibrate --scene pose", path)
+    for text, words in (
+        ("plan,x\na,1\n", "theta"),
+        (f"plan,x,theta\n{plans[0] / 'a'},1.2,wide\n", "line 2: theta = 'wide'"),
+        (f"plan,x,theta\n{plans[0] / 'a'},1,2,0,1\n", "line 2"),
+        ("plan,x,theta\nnowhere,1.2,0\n", "nowhere"),
+    ):
+        path.write_text(text)
+        said = refused("calibrate --scene pose", path)
+        assert "throws.csv" in said and words in said
     throws_file(plans, path, 9, bias=(0.0, 6.2))
     assert "theta" in refused("calibrate --scene pose", path)
     throws_file(plans, path, 9)
-    assert "its arm" in refused("calibrate --scene fr3", path)
-    assert "[motion]" in refused("calibrate --scene drop", path)
-    for option in ("--fit", "--throws 4", "--only com=com1"):
-        assert option.split()[0] in refused(f"calibrate {path} --scene pose {option}")
-    for level in ("1", "0.4", "nine"):
-        assert "--level" in refused(f"calibrate --scene pose --level {level}", path)
-    with pytest.raises(tp.InputError, match="recordings"):
-        lab.calibrate(path, "pose", fit=True)
+    for options, words in (
+        ("fr3", "its arm"),
+        ("drop", "[motion]"),
+        ("pose --fit", "--fit"),
+        ("pose --throws 4", "--throws"),
+        ("pose --only com=com1", "--only"),
+        ("pose --level 0.4", "--level"),
+        ("pose --level nine", "--level"),
+    ):
+        assert words in refused(f"calibrate {path} --scene {options}")
 
 
 def test_another_object_or_grip_is_refused(recorded, plans, tmp_path):
@@ -460,21 +331,16 @@ def test_a_given_motion_has_no_calibration():
 
 
 def test_a_known_mean_delay_is_no_bias() -> None:
-    """Throws that land where their plans say have none, however late the pads open."""
-    scene = loud("pose")
+    """Throws that land where their plan says have none, however late the pads open."""
     delay = tp.Distribution(uniform=0.002, mean=0.01)
-    late = scene.replace(uncertainty=tp.Uncertainty(delay=delay))
-    planned = [tp.Planner(one, library=False).plan() for one in (scene, late)]
-    for plan in planned:
-        assert plan.solved
-        landing = plan.throw.deciding.landing
-        data = lab.throw_data([plan] * 9, [(landing.x, landing.theta)] * 9)
-        bias = lab.calibrate(data, plan.scene).section.bias
-        assert np.abs(bias) == pytest.approx(np.zeros(2), abs=2e-3)
+    late = loud("pose").replace(uncertainty=tp.Uncertainty(delay=delay))
+    plan = tp.Planner(late, library=False).plan()
+    landing = plan.throw.deciding.landing
+    data = lab.throw_data([plan] * 9, [(landing.x, landing.theta)] * 9)
+    bias = lab.calibrate(data, plan.scene).section.bias
+    assert plan.solved and np.abs(bias) == pytest.approx(np.zeros(2), abs=2e-3)
     # A recorded force that holds the delay already is not shifted by it again.
     grip = [dataclasses.replace(one, grip=one.grip.delayed(0.01)) for one in data.throws]
     recorded = dataclasses.replace(data, throws=tuple(grip))
-    with pytest.raises(tp.InputError, match=r"falls 60.0 ms after the command, must be after \[g"):
-        lab.calibrate(recorded, late)
     whole = lab.calibrate(recorded, late.replace(uncertainty=None)).section
     assert np.abs(whole.bias) == pytest.approx(np.zeros(2), abs=2e-3)

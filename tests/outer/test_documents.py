@@ -1,7 +1,8 @@
-"""README and docs: links lead somewhere, commands exist, code runs, messages are real."""
+"""Fails if a page has a dead link, a command that is none, or code that does not run."""
 
 from __future__ import annotations
 
+import ast
 import pydoc
 import re
 import shlex
@@ -142,6 +143,22 @@ def test_python_of_the_page_of_models_runs() -> None:
     exact = MODELS["ls-step"].release(found["case"]).end
     assert found["path"][:, -1] == pytest.approx(exact, rel=0.01, abs=1e-5)
     assert np.isfinite(found["result"].landing).all()
+
+
+def test_messages_that_need_an_explanation_are_the_program_s() -> None:
+    said = [path.read_text(encoding="utf-8") for path in (ROOT / "core").glob("*.c")]
+    for path in Path(tp.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                said.append(node.value)
+    words, found = re.sub(r"\s+", " ", "\n".join(said)), 0
+    text = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+    for row in re.findall(r"^\| (`.*?) \|", text, flags=re.M):
+        for message in re.findall("`([^`]+)`", row):
+            for part in re.split(r"\s*[…;,:%]\s*", message):
+                assert len(part) < 10 or part in words, (message, part)
+                found += len(part) >= 10
+    assert found > 100
 
 
 def variables_of(page: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Faults around a run: signals at any instant, full disks, readers that go away, settings."""
+"""Fails if a signal, a full disk or a closed stream leaves half a result, a process or a trace."""
 
 from __future__ import annotations
 
@@ -71,26 +71,19 @@ def _alive(folder: Path) -> list[str]:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-@pytest.mark.parametrize("words", ["scenes --keys", "plan --help", "plan nowhere --json"])
-def test_a_full_standard_output_is_one_line(words, tmp_path) -> None:
+def test_a_full_standard_output_is_one_line(tmp_path) -> None:
+    words = "scenes --keys"
     with Path("/dev/full").open("w") as full:
         process = started(words, tmp_path, stdout=full)
         _, err = process.communicate(timeout=120)
     assert err.endswith("throwplan: standard output: No space left on device\n")
-    assert err.count("\n") == 1 + ("nowhere" in words), err
+    assert err.count("\n") == 1, err
     assert process.returncode == 2
 
 
 @pytest.mark.parametrize(
     ("words", "status"),
-    [
-        ("scenes >&-", 0),
-        ("scenes 2>&-", 0),
-        ("plan --help >&-", 0),
-        ("plan nowhere 2>&-", 2),
-        ("plan nowhere 2>/dev/full", 2),
-        ("plan hand-flip 2>&- --json", 0),
-    ],
+    [("scenes >&-", 0), ("plan nowhere 2>/dev/full", 2), ("plan hand-flip 2>&- --json", 0)],
 )
 def test_streams_that_are_closed_are_none_of_its_matters(words, status) -> None:
     """As of a daemon's job: it works, and its status says how it ended."""
@@ -101,19 +94,9 @@ def test_streams_that_are_closed_are_none_of_its_matters(words, status) -> None:
         assert json.loads(done.stdout)["status"] == "solved"
 
 
-def test_what_does_not_fit_leaves_no_folder(tmp_path) -> None:
-    def little() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
-
-    process = started("simulate drop --out deep/out", tmp_path, preexec_fn=little)
-    _, err = process.communicate(timeout=120)
-    assert (process.returncode, err) == (2, "throwplan: --out deep/out: File too large\n")
-    assert not (tmp_path / "deep").exists()
-
-
-@pytest.mark.parametrize("most", [20_000, 100_000, pytest.param(200_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("most", [20_000, 100_000])
 def test_a_full_disk_costs_no_earlier_file(most, plan_of, tmp_path) -> None:
-    """The samples do not fit, the picture does not, the film does not; all stays as it was."""
+    """The samples do not fit, or the picture does not; all stays as it was."""
     plan = plan_of("hand-flip")
     plan.save(tmp_path)
     pictures.save(plan, tmp_path)
@@ -135,20 +118,6 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path) -> None:
         process.stdout.readline()
         process.stdout.close()
         assert process.stderr.read() == "" and process.wait(timeout=120) == 0
-
-
-@pytest.mark.slow
-def test_a_user_s_matplotlibrc_breaks_no_picture(tmp_path) -> None:
-    """LaTeX where there is none; a file that is no text is refused."""
-    (tmp_path / "matplotlibrc").write_bytes(b"text.usetex: True\n")
-    process = started("plan hand-box --out out", tmp_path)
-    assert process.communicate(timeout=300)[1] == "" and process.returncode == 0
-    assert (tmp_path / "out/throw.png").is_file() and (tmp_path / "out/throw.gif").is_file()
-    (tmp_path / "matplotlibrc").write_bytes(b"font.size: \xff\xfe\n")
-    process = started("simulate drop --out more", tmp_path)
-    _, err = process.communicate(timeout=300)
-    assert process.returncode == 2 and err.startswith("throwplan: matplotlibrc: "), err
-    assert err.count("\n") == 1 and not (tmp_path / "more").exists()
 
 
 @pytest.mark.parametrize("solver", ["ipopt", "fatrop"])

@@ -1,4 +1,4 @@
-"""The page of the first throw: its blocks run in order, and it names all that a plan assumes."""
+"""Fails if the page of the first throw does not run as it stands, or hides an assumption."""
 
 from __future__ import annotations
 
@@ -94,6 +94,7 @@ def test_the_page_s_scene_is_planned_for_an_arm_of_one_s_own(follow, run) -> Non
     assert not plan["assumed"] and plan["torque"] is not None
 
 
+@pytest.mark.slow
 def test_what_is_learnt_from_throws_goes_into_their_scene(follow) -> None:
     follow(6)
     scene, plan = tp.load_scene("next.toml"), planned("out/next")

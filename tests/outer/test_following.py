@@ -1,4 +1,4 @@
-"""Swings that are corrected until the hand opens: joined, inside all limits, on the target."""
+"""Fails if a swing that is corrected or planned anew leaves its motion or limits, or misses."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def check_hit(session: Session, goal: tp.Pose) -> None:
     assert abs(dx) < tolerance.position / 2 and abs(dtheta) < tolerance.angle / 2
 
 
-@pytest.mark.parametrize(("jump", "turn"), [(0.06, 0.0), (-0.05, 0.2), (0.0, -0.3)])
+@pytest.mark.parametrize(("jump", "turn"), [(0.06, 0.0), (-0.05, 0.2)])
 def test_a_target_that_jumps_is_hit(pose_planner, plan, jump, turn) -> None:
     session, target = robots.follow(pose_planner, plan, HORIZON), plan.target
     there = target.changed(x=target.x + jump, theta=target.theta + turn)
@@ -162,8 +162,7 @@ def test_what_can_be_followed(pose_planner, plan, planner_of, plan_of) -> None:
         robots.follow(planner_of("hand-box"), plan_of("hand-box"))
 
 
-@pytest.mark.parametrize("rate", [5.0, 50.0, 200.0, 450.0])
-@pytest.mark.parametrize("share", [-0.5, 0.0, 0.6])
+@pytest.mark.parametrize(("rate", "share"), [(5.0, -0.5), (450.0, 0.6)])
 def test_a_lag_is_found_from_exact_joints(plan, rate, share) -> None:
     """Also where a millisecond is a good part of the lag."""
     sent = plan.throw.samples.q
@@ -181,13 +180,64 @@ def test_before_the_motion_all_of_it_is_to_come(pose_planner, plan) -> None:
     np.testing.assert_allclose(first.q[:, joints], samples.q, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("jump", [0.03, -0.03])
-def test_a_target_with_a_time_is_followed_though_it_is_hit_at_another(pose_planner, jump) -> None:
-    """A throw to another place lands some milliseconds earlier or later."""
-    target = pose_planner.scene.target.changed(arrival=1.0)
-    plan = pose_planner.plan(target)
-    assert plan.solved
-    session, there = robots.follow(pose_planner, plan, HORIZON), target.changed(x=target.x + jump)
-    played(session, lambda t: target if t < 0.04 else there)
-    assert abs(session.throw.landing_time - plan.throw.landing_time) > 1e-3
-    check_hit(session, there)
+# Plans that go on from a state of motion.
+
+
+def state_at(plan: tp.Plan, tick: int) -> tp.State:
+    samples = plan.throw.samples
+    return tp.State(samples.q[tick], samples.dq[tick], samples.ddq[tick])
+
+
+@pytest.mark.parametrize(("tick", "dx"), [(60, 0.1), (150, -0.04)])
+def test_a_swing_goes_on_to_another_target(pose_planner, plan, tick, dx) -> None:
+    state, target = state_at(plan, tick), plan.target.changed(x=plan.target.x + dx)
+    found = pose_planner.plan(target, start=state, warm=plan)
+    assert found.solved, found.message
+    sent, before = found.throw.samples, plan.throw.samples
+    for name in ("q", "dq", "ddq"):
+        assert getattr(sent, name)[0] == pytest.approx(getattr(state, name), abs=1e-9)
+    # What was sent until then and what is sent now are one motion within the limits.
+    both = ([getattr(before, k)[:tick], getattr(sent, k)] for k in ("q", "dq", "ddq"))
+    whole = Samples(*map(np.vstack, both))
+    assert not excesses(pose_planner.manipulator, whole)
+    # It lands there, thrown as one motion too; the gripper is told after the state, not before.
+    one = {"path": whole.path, "samples": whole, "manipulator": pose_planner.manipulator}
+    opening = found.throw.opening_time + TICK * tick
+    throw = dataclasses.replace(found.throw.deciding, opening_time=opening, **one)
+    (dx, dtheta), own = throw.miss(target), found.throw.deciding.miss(target)
+    assert abs(dx - own[0]) < 1e-4 and abs(dtheta - own[1]) < 1e-3
+    assert found.throw.deciding.command_time >= 0
+
+
+def test_any_state_within_the_limits_is_a_start(pose_planner, plan) -> None:
+    """Without a plan to go on from: states drawn at random, at up to a third of the rates."""
+    limits, random, solved = pose_planner.manipulator.planning, np.random.default_rng(3), 0
+    middle, half = (limits.q_max + limits.q_min) / 2, (limits.q_max - limits.q_min) / 2
+    home = plan.throw.samples.q[0]
+    home = home + 0.2 * (middle - home)
+    for _ in range(4):
+        q = home + random.uniform(-0.1, 0.1, 3) * half
+        state = tp.State(q, random.uniform(-0.3, 0.3, 3) * limits.dq, np.zeros(3))
+        found = pose_planner.plan(start=state)
+        if found.solved:
+            solved += 1
+            assert found.throw.samples.q[0] == pytest.approx(q, abs=1e-9)
+            assert found.throw.samples.dq[0] == pytest.approx(state.dq, abs=1e-9)
+    assert solved >= 3
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("q", np.full(3, 9.0), "State q: joint 2 at 9: must be -1.7628 to 1.7628"),
+        ("dq", np.full(3, -9.0), "State dq: joint 2 at -9: must be -2.175 to 2.175"),
+        ("ddq", np.full(3, np.nan), "State ddq: must be 3 finite numbers"),
+        ("dq", np.zeros(7), "State dq: must be 3 finite numbers"),
+    ],
+)
+def test_states_beyond_the_limits_are_refused(pose_planner, plan, name, value, words) -> None:
+    state = dataclasses.replace(state_at(plan, 50), **{name: value})
+    with pytest.raises(tp.InputError, match=words):
+        pose_planner.plan(start=state)
+    with pytest.raises(tp.InputError, match="start: a robust plan begins at rest"):
+        pose_planner.plan(start=state_at(plan, 50), robust=True)

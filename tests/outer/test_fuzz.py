@@ -1,8 +1,8 @@
-"""Hostile input: whatever files and words hold, a command answers in lines of its own.
+"""Fails if a file or words, whatever they hold, get a traceback, a NaN or no answer.
 
-Each class of input has a strategy. A case fails where the exit status is none of the four, a line
-on stderr is not the program's, JSON or text hold a NaN that nobody gave, or 30 s of processor time
-bring no answer. Warnings are errors in tests.
+Each class of input has a strategy, each command words. A case fails where the exit status is none
+of the four, a line on stderr is not the program's, JSON or text hold a NaN that nobody gave, or
+30 s of processor time bring no answer. Warnings are errors in tests.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ import pytest
 import throwplan as tp
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from job_lists import ONE
 from planar_urdf import ODD_OPTIONS, planar_urdf
+from throwplan.cli import COMMANDS
 
 #: Files by name, and the words of the command that reads them.
 Case = tuple[dict[str, bytes], list[str]]
@@ -80,23 +82,30 @@ MOTION = "t,x,z,theta\n" + "".join(f"{t / 100},{t / 50},{t / 100},{-t / 9}\n" fo
 GRIP = "t,f_N\n0,100\n0.05,100\n0.08,40\n0.115,0\n"
 CHAIN = ["--joints", "turn", "lift", "bend", "flick"]
 
-#: Commands, what they are about, and their options with how many values each takes.
-COMMANDS: list[tuple[list[str], dict[str, int]]] = [
-    (
-        ["plan", "hand-box"],
+#: Of each command what it is about, and its options with how many values each takes.
+WORDS: dict[str, tuple[str, dict[str, int]]] = {
+    "plan": (
+        "hand-box --patience 0.001",
         {"--target": 3, "--azimuth": 1, "--alternatives": 1, "--solver": 1, "--robust": 1}
         | {"--turns": 1, "--out": 1, "--json": 0},
     ),
-    (["simulate", "drop"], {"--model": 1, "--out": 1, "--json": 0, "--x": 0}),
-    (["sweep", "drop"], {"--samples": 1, "--seed": 1, "--workers": 1, "--target": 3, "--out": 1}),
-    (["map", "drop"], {"--z": 1, "--samples": 1, "--out": 1, "--json": 0}),
-    (["prepare", "drop"], {"--throws": 1, "--json": 0}),
-    (["scenes"], {"--write": 1, "--keys": 0, "--json": 0}),
-    (["view", "nothing"], {"--port": 1, "--hold": 1, "--mp4": 1}),
-    (["run", "nothing"], {"--robot": 1, "--repeat": 1, "--after": 1, "--dry": 0}),
-    (["import-robot", "nothing.urdf"], {"--out": 1, "--joints": 2, "--tcp": 1, "--jerk": 2}),
-    (["identify", "nothing"], {"--model": 1, "--throws": 1, "--only": 1, "--prior": 1}),
-]
+    "simulate": ("drop", {"--model": 1, "--out": 1, "--json": 0, "--x": 0}),
+    "sweep": ("drop", {"--samples": 1, "--seed": 1, "--workers": 1, "--target": 3, "--out": 1}),
+    "map": ("drop", {"--z": 1, "--samples": 1, "--out": 1, "--json": 0}),
+    "prepare": ("drop", {"--throws": 1, "--json": 0}),
+    "scenes": ("", {"--write": 1, "--draw": 1, "--keys": 0, "--json": 0}),
+    "cycle": ("nothing", {"--patience": 1, "--out": 1, "--json": 0}),
+    "view": ("nothing", {"--port": 1, "--hold": 1, "--mp4": 1}),
+    "play": ("drop", {"--port": 1, "--hold": 1, "--no-browser": 0}),
+    "run": ("nothing", {"--robot": 1, "--repeat": 1, "--after": 1, "--dry": 0}),
+    "correct": ("nothing run.csv", {"--out": 1, "--json": 0}),
+    "export": ("nothing", {"--franka": 1, "--ros": 1, "--joint-names": 2, "--open-width": 1}),
+    "import-robot": ("nothing.urdf", {"--out": 1, "--joints": 2, "--tcp": 1, "--jerk": 2}),
+    "import-object": ("nothing.stl", {"--out": 1, "--grasp": 3, "--mass": 1, "--unit": 1}),
+    "replay": ("nothing", {"--restitution": 1, "--out": 1, "--json": 0}),
+    "identify": ("nothing", {"--model": 1, "--throws": 1, "--only": 1, "--prior": 1}),
+    "calibrate": ("nothing", {"--scene": 1, "--level": 1, "--throws": 1, "--fit": 0}),
+}
 
 
 @st.composite
@@ -139,11 +148,17 @@ def urdf_cases(draw: st.DrawFn) -> Case:
 
 
 @st.composite
-def line_cases(draw: st.DrawFn) -> Case:
-    """Command lines; what they do, if they are right, is short."""
-    first, options = draw(st.sampled_from(COMMANDS))
-    words = draw(hostile.command_line(options, first))
-    return {}, words + (["--patience", "0.001"] if first[0] == "plan" else [])
+def job_cases(draw: st.DrawFn) -> Case:
+    """Job files of a cycle, which is given no time to be planned."""
+    file = draw(hostile.toml_file(tomllib.loads(ONE)))
+    return {"jobs.toml": file}, ["cycle", "jobs.toml", "--patience", "0.001"]
+
+
+@st.composite
+def line_cases(draw: st.DrawFn, name: str) -> Case:
+    """Words of a command; what it does, if they are right, is short."""
+    about, options = WORDS[name]
+    return {}, draw(hostile.command_line(options, [name, *about.split()]))
 
 
 @st.composite
@@ -165,7 +180,7 @@ STRATEGIES: dict[str, Callable[..., st.SearchStrategy[Case]]] = {
     "arms": arm_cases,
     "throw data": data_cases,
     "urdf": urdf_cases,
-    "command lines": line_cases,
+    "jobs": job_cases,
     "plans": plan_cases,
 }
 
@@ -221,9 +236,7 @@ def here(tmp_path, monkeypatch) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("count", [25, pytest.param(100, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("kind", STRATEGIES)
-def test_hostile_input_is_answered(kind, count, run, here, saved) -> None:
+def judge_all(cases: st.SearchStrategy[Case], count: int, run, here) -> None:
     """A few are the same ones each time."""
 
     @settings(
@@ -233,8 +246,21 @@ def test_hostile_input_is_answered(kind, count, run, here, saved) -> None:
         database=None,
         suppress_health_check=list(HealthCheck),
     )
-    @given(case=STRATEGIES[kind](*([saved("pose")] if kind == "plans" else [])).map(Shown))
+    @given(case=cases.map(Shown))
     def judged(case: Case) -> None:
         judge(run, case, here)
 
     judged()
+
+
+@pytest.mark.parametrize("count", [20, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", STRATEGIES)
+def test_hostile_files_are_answered(kind, count, run, here, saved) -> None:
+    folder = [saved("pose")] if kind == "plans" else []
+    judge_all(STRATEGIES[kind](*folder), count, run, here)
+
+
+@pytest.mark.parametrize("count", [6, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_hostile_words_are_answered(name, count, run, here) -> None:
+    judge_all(line_cases(name), count, run, here)

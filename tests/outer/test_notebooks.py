@@ -1,4 +1,4 @@
-"""The notebooks of examples/: they run and say what they should; the .ipynb fit."""
+"""Fails if a notebook of examples/ does not run, says something else, or is not its .ipynb."""
 
 from __future__ import annotations
 

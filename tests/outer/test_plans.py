@@ -1,4 +1,4 @@
-"""Plans: every built-in scene, its JSON and files, and what `solved` promises, by other means."""
+"""Fails if a plan that says it is solved misses its target, or a limit, or its own files."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ import json
 import math
 import re
 import shutil
-from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import loud, varied
+from builders import edit_plan, loud, varied
 from scipy.interpolate import CubicSpline
-from throwplan.planner.verdict import Code
+from throwplan.models.robot import SpatialArm
+from throwplan.planner.throw import TICK
+from throwplan.planner.verdict import Code, measures_of, verdict_on
+
+from oracle import read_oracle
 
 #: The JSON of `plan`: keys, and the keys below them.
 KEYS: dict[str, set[str]] = {
@@ -93,38 +97,6 @@ def test_a_built_in_scene_is_solved_as_it_is_sent(name, plan_of, tmp_path) -> No
     assert written["landing"] == answer["landing"] and written["release"] == times
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_what_a_plan_prints_is_short_and_says_what_its_json_says(name, plan_of) -> None:
-    plan = plan_of(name)
-    answer, text = plan.to_dict(), plan.summary(folder="out/plan")
-    differ = any(one.code is Code.MODELS_DIFFER for one in plan.verdict.warnings)
-    assert len(text.splitlines()) <= 8 + len(answer["exceeds"]) + differ
-    assert max(map(len, text.splitlines())) <= 110
-    error = answer["error"][answer["decides"]]
-    if found := re.search(r"within ([\d.]+) mm(?: and ([\d.]+)°)? of", text):
-        off, turn = found.groups()
-        # Rounded up.
-        assert 1e3 * error["position"] <= float(off) < 1.2e3 * error["position"] + 0.011
-    else:
-        assert "inside the region" in text and error["position"] == 0.0
-    if answer["target"]["theta"] is not None:
-        assert -1e-9 < float(turn) - math.degrees(error["angle"]) < 0.011
-    for key in ("command_time", "detach_time", "landing_time"):
-        assert f"{abs(answer['release'][key]):.3f} s" in text, key
-    load = re.search(r"carry (?:at most|up to) ([\d.]+) %", text)[1]
-    assert float(load) == pytest.approx(100 * answer["peak_load"], rel=0.06)
-    for pattern, value in (
-        (r"'s torque (\d+) of", 100 * answer.get("torque", {}).get("use", 0.0)),
-        (r"torque rate ([\d,]+) of", answer.get("torque", {}).get("rate", 0.0)),
-    ):
-        for said in re.findall(pattern, text):
-            assert float(said.replace(",", "")) == pytest.approx(value, abs=0.51)
-    assert ("assumed" in text) >= bool(answer["assumed"])
-    for word in (answer["solver"]["name"], "iterations", "constraints"):
-        assert word not in text and word in plan.summary(verbose=True)
-    assert plan.summary(verbose=True).startswith(plan.summary())
-
-
 @pytest.mark.parametrize("name", PANDA)
 def test_motion_csv_keeps_every_limit_and_rests_at_both_ends(name, saved, table) -> None:
     rows = table(saved(name) / "motion.csv")
@@ -145,7 +117,7 @@ def test_motion_csv_keeps_every_limit_and_rests_at_both_ends(name, saved, table)
         assert np.abs(rate - dq[:, j])[3:-3].max() < 1e-3
 
 
-@pytest.mark.parametrize("name", ["hand-flip", "pose", "cup"])
+@pytest.mark.parametrize("name", ["hand-flip", "pose"])
 def test_ipopt_lands_the_same(name, planner_of) -> None:
     """From the same motion, so that it is the same optimum."""
     planner = planner_of(name)
@@ -179,6 +151,7 @@ def test_the_model_of_the_tolerance_decides() -> None:
 # The command, its answer and its files.
 
 
+@pytest.mark.slow
 def test_files_in_the_folder(tmp_path, run) -> None:
     out = tmp_path / "out" / "deep"
     said = run("plan hand-flip --out", out)
@@ -195,7 +168,7 @@ def test_files_in_the_folder(tmp_path, run) -> None:
         assert min(png.size) > 300 and len(set(png.convert("L").tobytes())) > 20
 
 
-def test_a_plan_is_read_back(saved, plan_of) -> None:
+def test_a_plan_is_read_back(saved, plan_of, table) -> None:
     for name in ("near-cup", "hand-flip"):
         plan, found = plan_of(name), tp.read_plan(saved(name))
         assert found.scene.unnamed == plan.scene.unnamed and found.target == plan.target
@@ -203,17 +176,10 @@ def test_a_plan_is_read_back(saved, plan_of) -> None:
         assert found.opening_time == pytest.approx(release["opening_time"], abs=1e-12)
         assert found.landing_time == pytest.approx(release["landing_time"], abs=1e-6)
         assert found.miss() == pytest.approx(plan.throw.deciding.miss(), abs=1e-5)
-
-
-@pytest.mark.parametrize("command", ["sweep", "replay", "view", "export --ros out"])
-def test_a_throw_that_never_lands_is_no_plan(command, saved, tmp_path, refused) -> None:
-    """Its plan.json has been given a target above all that it reaches."""
-    folder = shutil.copytree(saved("near-cup"), tmp_path / "plan")
-    plan = json.loads((folder / "plan.json").read_text())
-    plan["definition"]["target"]["z"] = 50.0
-    (folder / "plan.json").write_text(json.dumps(plan))
-    name, *options = command.split()
-    assert "never falls to the target's height" in refused(name, folder, *options)
+        # The gripper is told to open with the first sample from the command on.
+        rows = table(saved(name) / "motion.csv")
+        opens = rows["t"][rows["gripper"] == 0.0][0]
+        assert 0.0 <= opens - release["command_time"] < 1.001e-3
 
 
 @pytest.fixture
@@ -224,35 +190,24 @@ def hand_box(planner_of) -> tp.Planner:
 def test_without_a_throw_it_exits_3_with_the_nearest_and_all_that_holds_it(tmp_path, run) -> None:
     """The cup 0.3 m too far."""
     out = tmp_path / "out"
-    said = run("plan cup --target 1.5 0.22 -90 --json --out", out)
-    answer = said.json
-    assert said.status == 3
+    said = run("plan cup --target 1.5 0.22 -90 --patience 4 --json --out", out)
+    answer, nearest = said.json, said.json["nearest"]
+    assert (said.status, answer["status"], answer["scene"]) == (3, "not_found", "cup")
     assert_interface_keys(answer)
-    assert (answer["status"], answer["scene"]) == ("not_found", "cup")
-    assert answer["target"] == {"x": 1.5, "y": 0.0, "z": 0.22, "theta": -math.pi / 2}
     for key in ("landing", "error", "release"):
         assert set(answer[key].values()) == {None}, key
     names = [one["limit"] for one in answer["binding"]]
-    assert "tool speed" in names and len(set(names)) == len(names)
+    assert "tool speed" in names and all(name in answer["message"] for name in names)
     # One line on stderr says it too.
     assert len(said.err.splitlines()) == 1 and answer["message"] in said.err
-    assert all(name in answer["message"] for name in names)
-    nearest = answer["nearest"]
-    assert (nearest["y"], nearest["z"]) == (0.0, pytest.approx(0.22))
     assert 0.9 < nearest["x"] < 1.5 and nearest["theta"] == pytest.approx(-math.pi / 2, abs=0.3)
     assert nearest["error"]["position"] == pytest.approx(1.5 - nearest["x"])
-    # What is printed is short and has them, too.
-    said = run("plan cup --target 1.5 0.22 -90")
-    lines = said.out.splitlines()
-    assert said.status == 3 and len(lines) <= 8 and max(map(len, lines)) <= 110
-    assert names[0] in said.out and f"x {nearest['x']:.2f}" in said.out
-    assert "fatrop" not in said.out and len(said.err.splitlines()) == 1
     # Its files are apart, and are sent only to those who say so.
     assert {path.name for path in out.iterdir()} == {"plan.json", "nearest"}
     assert tp.read_plan(out / "nearest").landing.x == pytest.approx(nearest["x"], abs=1e-6)
-    refused = run("export", out / "nearest", "--franka", tmp_path / "sent")
-    assert refused.status == 2 and "--nearest" in refused.err and not (tmp_path / "sent").exists()
-    assert run("export", out / "nearest", "--nearest", "--franka", tmp_path / "sent").status == 0
+    to = ("export", out / "nearest", "--franka", tmp_path / "sent")
+    assert run(*to).status == 2 and not (tmp_path / "sent").exists()
+    assert run(*to, "--nearest").status == 0
 
 
 def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
@@ -267,7 +222,6 @@ def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
         assert hand_box.plan(tp.Pose(x=nearest.x + step, z=0.0)).status == status
 
 
-@cache
 def test_no_motion_of_another_plan_stays(tmp_path, hand_box) -> None:
     """A second plan into the same folder that finds no throw: motion.csv is not its own."""
     hand_box.plan().save(tmp_path)
@@ -284,31 +238,31 @@ PLAN_FILES = [
     ({}, "[1, 2]", "is not a plan file"),
     ({"format": 99}, "", "a plan file of version 99"),
     ({"status": "not_found"}, "", "holds no throw"),
-    ({"release": {}}, "", "is not a complete plan file: no 'opening_time'"),
+    ({"release": {"opening_time": None}}, "", "is not a complete plan file"),
     ({"release": {"opening_time": 10**400}}, "", "is not a complete plan file (int too large"),
+    ({"definition": {"target": {"z": 50.0}}}, "", "never falls to the target's height"),
 ]
 
 
 @pytest.mark.parametrize(("changes", "text", "words"), PLAN_FILES, ids=[w for *_, w in PLAN_FILES])
 def test_files_that_hold_no_throw_are_refused(changes, text, words, saved, tmp_path, refused):
-    """By every command that reads plans; nothing is written."""
-    plan = json.loads((saved("hand-flip") / "plan.json").read_text())
-    (tmp_path / "plan").mkdir()
-    if text is not None:
-        (tmp_path / "plan" / "plan.json").write_text(text or json.dumps(plan | changes))
-    for command, *more in (("view",), ("replay",), ("view", "--mp4"), ("export", "--franka")):
-        out = [tmp_path / "new.mp4"] if more else []
-        assert words in refused(command, tmp_path / "plan", *more, *out)
+    """By commands that read plans; nothing is written."""
+    folder = Path(shutil.copytree(saved("hand-flip"), tmp_path / "plan"))
+    edit_plan(folder, **changes)
+    if text is None:
+        (folder / "plan.json").unlink()
+    elif text:
+        (folder / "plan.json").write_text(text)
+    for command in ("view", "sweep", "export --ros out"):
+        name, *options = command.split()
+        assert words in refused(name, folder, *options)
     assert [path.name for path in tmp_path.iterdir()] == ["plan"]
 
 
-@pytest.mark.parametrize("angle", ["-9.0E1", "free"])
-def test_angles_on_the_command_line(angle, run) -> None:
-    answer = run("plan pose --target 0.9 0.1", angle, "--json").json
+def test_angles_on_the_command_line(run) -> None:
+    answer = run("plan hand-flip --target 0.9 0.2 -9.0E1 --json").json
     assert answer["status"] == "solved"
-    expected = None if angle == "free" else pytest.approx(-math.pi / 2)
-    assert answer["target"]["theta"] == expected
-    assert (answer["error"]["sent"]["angle"] == 0.0) == (angle == "free")
+    assert answer["target"]["theta"] == pytest.approx(-math.pi / 2)
 
 
 # Planners and their options.
@@ -328,26 +282,19 @@ def test_one_planner_serves_many_targets_and_starts_warm(planner_of) -> None:
     assert planner.plan().to_dict()["landing"] == first.to_dict()["landing"]
 
 
-@pytest.mark.parametrize("theta", [2 * math.pi - 0.5, 20 * math.pi])
-def test_turns_any_takes_the_angle_modulo_full_turns(theta, pose_planner) -> None:
+def test_turns_any_takes_the_angle_modulo_full_turns(pose_planner) -> None:
+    theta = 20 * math.pi - 0.5
     plan = pose_planner.plan(tp.Pose(x=1.1, z=0.1, theta=theta), turns="any")
     assert plan.status == "solved" and plan.target.theta != theta
     landed = plan.to_dict()["landing"]["sent"]["theta"]
     assert math.remainder(landed - theta, 2 * math.pi) == pytest.approx(0, abs=0.01)
 
 
-def test_azimuth_turns_the_plane_by_joint_1(tmp_path, planner_of, plan_of, table) -> None:
-    turn = math.radians(40)
-    target = tp.Pose(x=0.9 * math.cos(turn), y=0.9 * math.sin(turn), z=0.22, theta=-math.pi / 2)
-    plan = planner_of("near-cup").plan(target)
-    answer, straight = plan.to_dict(), plan_of("near-cup").to_dict()
-    assert answer["status"] == "solved"
-    sent = answer["landing"]["sent"]
-    assert (sent["x"], sent["y"]) == pytest.approx((target.x, target.y), abs=1e-3)
-    plan.save(tmp_path)
-    assert np.allclose(table(tmp_path / "motion.csv")["q1"], turn)
-    opening = [one["release"]["opening_time"] for one in (answer, straight)]
-    assert opening[0] == pytest.approx(opening[1], abs=0.02)
+def test_azimuth_turns_the_plane_by_joint_1(turned, table) -> None:
+    plan, folder = turned
+    sent = plan.to_dict()["landing"]["sent"]
+    assert (sent["x"], sent["y"]) == pytest.approx((plan.target.x, plan.target.y), abs=1e-3)
+    assert np.allclose(table(folder / "motion.csv")["q1"], math.radians(20))
 
 
 def test_alternatives_are_other_throws_to_the_same_target(planner_of) -> None:
@@ -378,25 +325,12 @@ def test_a_hand_keeps_its_limits_until_it_rests(given, jerk, tmp_path, table) ->
     assert rows["vx"][-1] == rows["vz"][-1] == 0.0
 
 
-@pytest.mark.parametrize(
-    ("name", "hand", "opening", "target"),
-    [
-        # Held at its CoM at (0, 0.7) m; let go without moving it comes down through (0, 0).
-        ("hand-box", {}, 2.0, tp.Pose(x=0.0, z=0.0)),
-        ("hand-box", {"speed": 1e-3}, 0.05, tp.Pose(x=0.0, z=0.0)),
-        # Hanging at -90 degrees from a hand at (0, 0.7) m, its CoM 0.1 m below.
-        (
-            "hand-flip",
-            {"x": (-0.001, 0.001), "z": (0.699, 0.701)},
-            0.05,
-            tp.Pose(x=0.0, z=0.3, theta=-math.pi / 2),
-        ),
-    ],
-)
-def test_no_bound_forbids_letting_go_at_rest(name, hand, opening, target) -> None:
-    """A slow gripper, a hand that can hardly move: still the start pose is a release."""
-    scene = varied(tp.load_scene(name), hand=hand, gripper={"opening": opening})
-    assert tp.plan(scene, target).bound is None
+def test_no_bound_forbids_letting_go_at_rest(planner_of) -> None:
+    """A hand that can hardly move: still the start pose is a release. Hanging at -90 degrees from
+    a hand at (0, 0.7) m, its CoM 0.1 m below, the bar comes down through (0, 0.3)."""
+    hand = {"x": (-0.001, 0.001), "z": (0.699, 0.701)}
+    scene = varied(planner_of("hand-flip").scene, hand=hand)
+    assert tp.plan(scene, tp.Pose(x=0.0, z=0.3, theta=-math.pi / 2)).bound is None
 
 
 def test_a_quiet_plan_scatters_a_tenth_and_a_robust_one_no_more(plan_of, loud_plan_of) -> None:
@@ -410,49 +344,98 @@ def test_a_quiet_plan_scatters_a_tenth_and_a_robust_one_no_more(plan_of, loud_pl
 
 
 @pytest.mark.slow
-def test_a_robust_section_asks_for_it_and_uncertainty_alone_does_not(tmp_path, plan_of) -> None:
-    assert not plan_of("delay").to_dict().get("robust")
-    path = tmp_path / "robust.toml"
-    path.write_text(tp.scene_text("delay") + "\n[robust]\n")
-    answer = tp.plan(path).to_dict()
-    assert answer["status"] == "solved" and answer["robust"] is True
-
-
-@pytest.mark.slow
-def test_bounds_of_landing_and_torque_are_planned(tmp_path) -> None:
-    path = tmp_path / "more.toml"
-    path.write_text(
-        tp.scene_text("pose")
-        + "\n[landing]\nspeed_max = 3.6\n[torque]\nlimits = [80.0, 60.0, 11.0]\n"
-    )
-    planner = tp.Planner(tp.load_scene(path))
-    answer, plain = planner.plan(patience=90.0).to_dict(), tp.plan("pose").to_dict()
-    assert answer["status"] == "solved"
-    # Rows for the bounds, no variables: what is absent adds nothing.
-    assert answer["nlp"]["constraints"] > plain["nlp"]["constraints"]
-
-
-@pytest.mark.slow
-def test_only_the_ratios_of_the_weights_count() -> None:
-    """And more weight on time gives an earlier opening.
-
-    This target has two throws whose costs differ by 0.04 %, with openings 1.5 ms apart.
-    """
-    usual, plans = tp.Cost(), list[tp.Plan]()
-    for time, factor in ((2.0, 1.0), (2.0, 3.0), (8.0, 1.0), (24.0, 1.0)):
-        weights = time * factor, usual.acceleration * factor, usual.jerk * factor
-        scene = tp.load_scene("pose").replace(cost=tp.Cost(*weights, quiet=0.0))
-        plans.append(tp.Planner(scene, library=False).plan())
-        assert plans[-1].solved
-    opens = [one.throw.opening_time for one in plans]
-    assert plans[1].throw.effort == pytest.approx(3.0 * plans[0].throw.effort, rel=1e-3)
-    assert opens[0] == pytest.approx(opens[1], abs=2e-3)
-    assert opens[1] > opens[2] > opens[3]
-
-
-@pytest.mark.slow
 def test_a_choice_among_throws_takes_the_cheapest(tmp_path, plan_of) -> None:
     path = tmp_path / "choice.toml"
     path.write_text(tp.scene_text("hand-flip") + "\n[choice]\namong = 3\n")
     found = tp.plan(path)
     assert found.solved and found.throw.effort <= plan_of("hand-flip").throw.effort * (1 + 1e-6)
+
+
+# What makers recommend.
+
+ARM_SCENES = [name for name in tp.scene_names() if tp.load_scene(name).robot is not None]
+EVERY_DAY = ("cup", "pose", "ur5e")
+
+
+def tool_speed(plan: tp.Plan) -> float:
+    """Highest speed [m/s] of flange and pads' centre, by differences of what is sent."""
+    path, arm = plan.path(), plan.scene.arm
+    flange = SpatialArm(arm).frames(path.joints)[-1]
+    pads = flange[:, :3, 3] + arm.tool.tcp * flange[:, :3, 2]
+    moved = np.diff([flange[:, :3, 3], pads], axis=1) / TICK
+    return float(np.linalg.norm(moved, axis=2).max())
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in EVERY_DAY else pytest.param(n, marks=pytest.mark.slow) for n in ARM_SCENES]
+)
+def test_shipped_scenes_keep_all_that_makers_recommend(plan_of, saved, name: str) -> None:
+    """Tool speed and torque by code of their own; no shipped scene has a warning."""
+    plan = plan_of(name)
+    assert plan.solved and not plan.exceeds and not plan.verdict.warnings
+    limits = plan.scene.arm.limits
+    assert tool_speed(plan) <= limits.tool_speed * (1 + 1e-6)
+    throw = plan.throw.deciding
+    found = read_oracle(saved(name)).judge(planned=True).found
+    assert float(found["torque"].value[0]) <= 0.9 + 1e-4
+    assert measures_of(throw).value("rate")[0] <= limits.torque_rate
+
+
+def test_the_verdict_keeps_the_margin_that_the_nlp_keeps() -> None:
+    """A throw that uses more than the margin leaves is not solved; with a smaller margin it is."""
+    wide = tp.plan(varied(tp.load_scene("pose"), torque=tp.Torque(margin=0.0)))
+    throw = wide.throw.deciding
+    use = float(measures_of(throw).torque[0].max())
+    assert wide.solved and use > 0.9
+    for margin, kept in ((1 - use + 0.01, False), (1 - use - 0.01, True)):
+        scene = varied(throw.scene, torque=tp.Torque(margin=margin))
+        assert (Code.TORQUE not in verdict_on(throw.in_scene(scene)).codes) == kept
+
+
+@pytest.mark.parametrize("name", ["near-cup", "hand-flip"])
+def test_the_verdict_keeps_the_grip_s_margin(plan_of, name: str) -> None:
+    """A throw that uses more than [gripper] sticking_margin leaves breaks it, short of slipping."""
+    throw = plan_of(name).throw.deciding
+    use = float(measures_of(throw).value("grip")[0])
+    assert use <= 1.0 - throw.scene.gripper.sticking_margin + 0.002
+    for margin, kept in ((1 - use + 0.01, False), (1 - use - 0.01, True)):
+        scene = varied(throw.scene, gripper={"sticking_margin": margin})
+        judged = verdict_on(throw.in_scene(scene))
+        assert (Code.SLIP_BEFORE_OPENING not in judged.codes) == kept
+        assert judged.reserves == (not kept)
+
+
+def test_a_scene_may_ask_for_more_and_the_plan_says_by_how_much() -> None:
+    scene = tp.load_scene("pose")
+    scene = varied(
+        scene,
+        torque=tp.Torque(rate=2e4, margin=0.02),
+        robot={"tool_speed": 2.5},
+        gripper={"force": 120.0},
+    )
+    plan = tp.plan(scene)
+    said = plan.to_dict()["exceeds"]
+    assert plan.solved
+    assert said["grip_force"] == {"value": 120.0, "recommended": 70.0}
+    assert said["torque_rate"]["recommended"] == 1000.0
+    assert 1000.0 < said["torque_rate"]["value"] <= 2e4
+    lines = [line for line in plan.summary().splitlines() if "the maker recommends" in line]
+    assert len(lines) == len(said)
+    for key, most in (("[gripper] force", "70"), ("[torque] rate", "1000")):
+        assert sum(f"{key} = {most}" in line for line in lines) == 1
+
+
+def test_a_grippers_spread_is_the_scenes_uncertainty_where_that_is_silent(tmp_path: Path) -> None:
+    shipped = Path(tp.__file__).parent / "problems" / "grippers" / "franka-hand.toml"
+    lines = "delay = {{ uniform = 0.004 }}\nopening_spread = {{ uniform = 0.5, relative = true }}\n"
+    text = shipped.read_text(encoding="utf-8").replace("capsules", lines.format() + "capsules", 1)
+    (tmp_path / "hand.toml").write_text(text, encoding="utf-8")
+    scene_text = tp.scene_text("pose").replace('"franka-hand"', '"hand.toml"')
+    for name, more in (("silent", ""), ("own", "dwell = 0.06\nopening = 0.04\n")):
+        file = tmp_path / f"{name}.toml"
+        file.write_text(scene_text.replace("force = 70.0", f"{more}force = 70.0"), encoding="utf-8")
+    silent, own = (tp.load_scene(tmp_path / f"{name}.toml") for name in ("silent", "own"))
+    assert silent.uncertainty.delay.uniform == 0.004
+    assert silent.uncertainty.opening.uniform == 0.5 and silent.uncertainty.opening.relative
+    assert own.uncertainty is None
+    assert set(silent.assumed) - set(own.assumed) == {"gripper.dwell", "gripper.opening"}

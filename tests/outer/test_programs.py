@@ -1,9 +1,10 @@
-"""The programs of docs/python.md and docs/stacks.md: each runs by itself and does what it says."""
+"""Fails if a block of a page does not run as it stands, plans nothing, or names no key."""
 
 from __future__ import annotations
 
 import re
 import sys
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,141 +13,80 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan import robots
+from job_lists import TWO
+from throwplan import cycles, robots
 
 ROOT = Path(__file__).parent.parent.parent
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 #: Lag [s] of the stand-in for a UR, and how often its joints are integrated in a cycle of 2 ms.
 LAG, STEPS = 0.034, 20
+#: Pages whose blocks go on from each other, which test_documents.py runs; and one of excerpts.
+TOGETHER, EXCERPTS = ("README.md", "models.md"), "contributing.md"
 
 
-def programs_of(page: str) -> list[str]:
-    """The Python of a page, block by block."""
-    text = (ROOT / page).read_text(encoding="utf-8")
-    return re.findall(r"^```python\n(.*?)^```", text, flags=re.M | re.S)
+def blocks_of(page: Path, kind: str = "python") -> list[str]:
+    """The blocks of a language on a page."""
+    return re.findall(rf"^```{kind}\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
 
 
 def run_program(page: str, number: int) -> SimpleNamespace:
     """The variables that a program of a page leaves."""
     found = dict[str, Any]()
-    exec(compile(programs_of(page)[number], f"{page}, program {number + 1}", "exec"), found)
+    code = blocks_of(ROOT / "docs" / page)[number]
+    exec(compile(code, f"{page}, program {number + 1}", "exec"), found)
     return SimpleNamespace(**{name: value for name, value in found.items() if name[0] != "_"})
 
 
-def draws(found: Any) -> bool:
-    files = {path.name for path in Path("out/throw").iterdir()}
-    return found.plan.solved and files == {"plan.json", "motion.csv", "throw.png"}
-
-
-def has_joints(found: Any) -> bool:
-    """The joints' rates are the slopes of the joints."""
-    slopes = np.gradient(found.q, found.sent.times, axis=0)
-    opens = found.release["opening_time"]
-    known = np.allclose(slopes, found.dq, atol=0.02) and found.q.shape[1] == 7
-    return known and found.sent.times[0] < opens < found.sent.times[-1]
-
-
-def plans_all(found: Any) -> bool:
-    allowed = found.planner.scene.tolerance.position
-    plans = found.plans
-    return len(plans) == 50 and all(one.solved and one.error_sent()[0] < allowed for one in plans)
-
-
-def counts_landings(found: Any) -> bool:
-    """Throws near the expected friction and delay land."""
-    middle = np.hypot(found.late, found.other) < 0.3
-    return found.plan.solved and found.lands[middle].all() and not found.lands.all()
-
-
-def shows_what_quiet_does(found: Any) -> bool:
-    """The program leaves the loud throw's landings; the quiet one is thrown again."""
-    plan = tp.Planner(found.quiet).plan()
-    x = tp.simulate_batch(plan, found.model, friction=found.friction).landing[:, 0]
-    return bool(10 * np.ptp(x) < np.ptp(found.x))
-
-
-def detaches(found: Any) -> bool:
-    """As the exact model does, but for the smoothing."""
-    scene = tp.load_scene("drop").replace(
-        object=tp.Object(mass=0.24, inertia=535e-6, length=0.26, com=0.10),
-        contact=tp.Contact(friction=1.0, patch_radius=0.0025),
-        gripper=tp.Gripper(force=found.force, opening=found.opening),
+#: Programs that run by themselves; those that plan by a law of one's own or a cycle take long.
+ALONE = [
+    pytest.param(
+        page.name,
+        number,
+        marks=[pytest.mark.slow] * ("SlidingPivot)" in code or "plan_cycle(" in code),
     )
-    exact = tp.simulate(scene, "sp")["sp"].release.detach
-    values = {"normal_force": 0, "friction": 1.0, **found.hand, **found.bar}
-    state = found.dynamics(state=found.end[:6], **values)["object"].full()[:, 0]
-    return np.allclose(state[3:], [exact.v_x, exact.v_z, exact.omega], atol=5e-3)
+    for page in PAGES
+    if page.name not in (*TOGETHER, EXCERPTS, "stacks.md")
+    for number, code in enumerate(blocks_of(page))
+]
 
 
-def has_exact_slopes(found: Any) -> bool:
-    """Those of central differences."""
-    middle, steps = np.array([1.0, 0.24]), np.diag([1e-3, 1e-4])
-    up, down = ([float(found.slope(middle + sign * s)[0]) for s in steps] for sign in (1, -1))
-    differences = (np.array(up) - down) / (2 * np.diag(steps))
-    return np.allclose(found.slope(middle)[1].full()[0], differences, rtol=1e-3)
-
-
-def keeps_below(found: Any) -> bool:
-    return found.plan.solved and found.top(found.plan.sent_throw()) <= found.ceiling.high
-
-
-def takes_the_other_arm(found: Any) -> bool:
-    return found.plan.solved and found.plan.path().joints.shape[1] == 6
-
-
-def sends_all_rows(found: Any) -> bool:
-    """From rest to rest, which controllers of trajectories ask for."""
-    rates = np.array([dq for _, dq in found.sent])
-    rests = not rates[0].any() and not rates[-1].any()
-    return rests and len(rates) == len(found.motion.q) and 0 < found.opening.cycle < len(rates)
-
-
-def plans_by_its_law(found: Any) -> bool:
-    return found.plan.solved and found.plan.to_dict()["decides"] == "own"
-
-
-def lands(found: Any) -> bool:
-    return found.plan.solved and found.plan.error_sent()[0] < 1e-6
-
-
-def plans_with_the_force(found: Any) -> bool:
-    return tp.Planner(found.scene).plan().solved and found.force[50] == pytest.approx(25.0)
-
-
-#: What each program of docs/python.md must have done.
-CHECKS = (
-    draws,
-    has_joints,
-    plans_all,
-    counts_landings,
-    shows_what_quiet_does,
-    detaches,
-    has_exact_slopes,
-    keeps_below,
-    takes_the_other_arm,
-    sends_all_rows,
-    plans_by_its_law,
-    lands,
-    plans_with_the_force,
-)
-#: Programs that plan for long.
-SLOW = {plans_by_its_law}
-
-
-def test_each_program_of_the_page_of_python_has_a_check() -> None:
-    assert len(programs_of("docs/python.md")) == len(CHECKS)
-
-
-@pytest.mark.parametrize(
-    ("number", "check"),
-    [
-        pytest.param(number, check, marks=[pytest.mark.slow] * (check in SLOW), id=check.__name__)
-        for number, check in enumerate(CHECKS)
-    ],
-)
-def test_a_program_of_the_page_of_python_runs(number, check, tmp_path, monkeypatch) -> None:
-    """Each in variables and a folder of its own."""
+@pytest.mark.parametrize(("page", "number"), ALONE)
+def test_a_program_runs_by_itself_and_plans_what_it_says(page, number, tmp_path, monkeypatch):
+    """Each in variables and a folder of its own, where the files are that it names."""
     monkeypatch.chdir(tmp_path)
-    assert check(run_program("docs/python.md", number))
+    Path("grip").mkdir()
+    recorded = "times = [0.0, 0.02, 0.03, 0.05]\nforces = [50.0, 50.0, 20.0, 0.0]"
+    text = re.sub(r"\[gripper\][^\[]*", f"[gripper]\n{recorded}\n\n", tp.scene_text("hand-flip"))
+    Path("my.toml").write_text(text)
+    jobs, load = tmp_path / "two.toml", cycles.load_jobs
+    jobs.write_text(TWO)
+    monkeypatch.setattr(cycles, "load_jobs", lambda name: load(jobs))
+    found = vars(run_program(page, number))
+    lists = (value if isinstance(value, list) else [value] for value in found.values())
+    left = [one for some in lists for one in some]
+    plans = [one for one in left if isinstance(one, tp.Plan)]
+    scenes = [one for one in left if isinstance(one, tp.Scene) and one.motion is None]
+    for plan in plans or map(tp.plan, scenes):
+        off, tolerance = plan.error_sent(), plan.scene.tolerance
+        assert plan.solved and off[0] <= tolerance.position and off[1] <= tolerance.angle
+
+
+def test_excerpts_are_python() -> None:
+    for code in blocks_of(ROOT / "docs" / EXCERPTS):
+        compile(re.sub(r"(?m)^    ", "", code) if code[0] == " " else code, EXCERPTS, "exec")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_sections_on_a_page_have_keys_that_a_scene_has(page, run) -> None:
+    """Job files and data sets, which begin with keys of their own, only are TOML."""
+    parts = re.split(r"\n#+ ", run("scenes --keys").out)
+    known = {part.splitlines()[0]: set(re.findall(r"^\| `(\w+)` \|", part, re.M)) for part in parts}
+    for text in blocks_of(page, "toml"):
+        table = tomllib.loads(text)
+        if not all(isinstance(value, dict) for value in table.values()):
+            continue
+        for name, keys in table.items():
+            assert set(keys) <= known[f"[{name}]"], (name, keys)
 
 
 @pytest.fixture
@@ -167,7 +107,7 @@ def test_franky_moves_to_the_start_of_a_plan(saved, modules, tmp_path, monkeypat
     Path("out/fr3").symlink_to(saved("fr3"))
     franky = MagicMock()
     modules(franky=franky)
-    run_program("docs/stacks.md", 0)
+    run_program("stacks.md", 0)
     np.testing.assert_allclose(franky.JointMotion.call_args[0][0], tp.read_motion("out/fr3").q[0])
 
 
@@ -214,7 +154,7 @@ def test_the_lag_of_servoj_is_learnt(saved, modules, run, tmp_path, monkeypatch)
         interfaces = {"control": "RTDEControlInterface", "receive": "RTDEReceiveInterface"}
         for name, face in (interfaces | {"io": "RTDEIOInterface"}).items():
             modules(**{f"rtde_{name}": SimpleNamespace(**{face: lambda *_: ur})})
-        found = run_program("docs/stacks.md", 1)
+        found = run_program("stacks.md", 1)
         assert 2 * ur.opened <= found.opening.cycle < 2 * ur.opened + 2 <= 2 * ur.stopped
         np.testing.assert_allclose(ur.q, found.motion.q[-1], atol=1e-4)
         return run("correct", "out/ur5e", "run.csv", "--out", "out/next", "--json").json

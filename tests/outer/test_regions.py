@@ -1,4 +1,4 @@
-"""Targets that are regions: met at the least cost, judged by their bounds, kept in files."""
+"""Fails if a region is missed, met at more than the least cost, or loses its bounds."""
 
 from __future__ import annotations
 
@@ -9,29 +9,22 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import loud
 from throwplan import robots
-from throwplan.problems import Calibration
 
-#: A region about the target of `pose`, by its bounds in x [m] and theta [rad].
-X, THETA = (1.15, 1.25), (-0.2, 0.2)
+#: A region about the target of `hand-flip`, by its bounds in x [m] and theta [rad].
+X, THETA = (1.15, 1.25), (4.55, 4.85)
 #: Errors at which a landing counts as corrected: 0.1 mm and 0.02 deg.
 NEAR = 1.01e-4, math.radians(0.0202)
 
 
 def region(**changes) -> tp.Region:
-    return tp.Region(**{"x": X, "z": 0.1, "theta": THETA} | changes)
+    return tp.Region(**{"x": X, "z": 0.2, "theta": THETA} | changes)
 
 
 @pytest.fixture(scope="module")
-def loud_planner() -> tp.Planner:
+def plan(loud_planner_of) -> tp.Plan:
     """Its throws make one cost small, in one solve."""
-    return tp.Planner(loud("pose"))
-
-
-@pytest.fixture(scope="module")
-def plan(loud_planner) -> tp.Plan:
-    return loud_planner.plan(region())
+    return loud_planner_of("hand-flip").plan(region())
 
 
 def assert_inside(landing: dict, x, theta=None) -> None:
@@ -44,23 +37,24 @@ def assert_inside(landing: dict, x, theta=None) -> None:
 
 
 def test_it_lands_between_the_bounds_at_no_higher_cost_than_at_any_of_its_poses(
-    plan, loud_planner
+    plan, loud_planner_of
 ) -> None:
     assert plan.solved, plan.message
     assert_inside(plan.to_dict()["landing"]["limit_surface"], X, THETA)
+    planner = loud_planner_of("hand-flip")
+    places = [(x, theta) for x in X for theta in THETA] + [(np.mean(X), np.mean(THETA))]
     costs = [
         found.throw.effort
-        for x in np.linspace(*X, 3)
-        for theta in np.linspace(*THETA, 3)
-        if (found := loud_planner.plan(tp.Pose(x=x, z=0.1, theta=theta))).solved
+        for x, theta in places
+        if (found := planner.plan(tp.Pose(x=float(x), z=0.2, theta=float(theta)))).solved
     ]
     # Where a torque is at its limit, its margin in the NLP differs from throw to throw.
     assert costs and plan.throw.effort <= 1.005 * min(costs)
 
 
-def test_a_landing_between_the_bounds_has_no_error() -> None:
+def test_a_landing_between_the_bounds_has_no_error(loud_planner_of) -> None:
     # A box, whose angle is free: the cheapest throw lands short of the middle.
-    planner = tp.Planner(loud("hand-box"))
+    planner = loud_planner_of("hand-box")
     x = planner.scene.target.x
     found = planner.plan(tp.Region(x=(x - 0.3, x + 0.3), z=planner.scene.target.z))
     error, landing = (found.to_dict()[name] for name in ("error", "landing"))
@@ -69,8 +63,8 @@ def test_a_landing_between_the_bounds_has_no_error() -> None:
     assert error["limit_surface"]["position"] <= NEAR[0]
 
 
-@pytest.mark.parametrize("shift", [0.0, -0.05])
-def test_a_cup_stays_where_it_is(planner_of, shift) -> None:
+def test_a_cup_stays_where_it_is(planner_of) -> None:
+    shift = -0.05
     planner = planner_of("near-cup")
     middle, cup = planner.scene.target, planner.scene.cup
     x, theta = middle.x + shift, middle.theta
@@ -86,66 +80,32 @@ def test_a_cup_stays_where_it_is(planner_of, shift) -> None:
     assert abs(landing["x"] - x) + abs(landing["theta"] - theta) > 0.01
 
 
-def test_a_warm_plan_is_brought_to_the_next_region(loud_planner, plan) -> None:
-    found = loud_planner.plan(region(x=(1.16, 1.26)), warm=plan)
-    assert found.solved and found.iterations < plan.iterations
-    assert_inside(found.to_dict()["landing"]["limit_surface"], (1.16, 1.26), THETA)
-    # From a region to a pose.
-    assert loud_planner.plan(tp.Pose(x=1.2, z=0.1, theta=0.0), warm=plan).solved
-
-
 @pytest.mark.slow
-def test_a_region_that_moves_is_met_where_it_then_is(pose_planner) -> None:
-    found = pose_planner.plan(region(x=(1.3, 1.4), velocity=(-0.2,)))
-    assert found.solved, found.message
-    answer = found.to_dict()
-    moved = -0.2 * answer["release"]["landing_time"]
-    assert_inside(answer["landing"]["limit_surface"], (1.3 + moved, 1.4 + moved), THETA)
-    assert answer["target"]["x"] == [1.3, 1.4] and answer["target"]["velocity"] == [-0.2]
-
-
-def test_a_swing_is_corrected_if_it_would_land_outside(loud_planner, plan) -> None:
-    session, samples = robots.follow(loud_planner, plan), plan.throw.samples
-    inside = region(x=(1.1, 1.3), theta=(-0.3, 0.3))
+def test_a_swing_is_corrected_if_it_would_land_outside(loud_planner_of) -> None:
+    planner = loud_planner_of("pose")
+    own = {"z": 0.1, "theta": (-0.2, 0.2)}
+    plan = planner.plan(region(**own))
+    session, samples = robots.follow(planner, plan), plan.throw.samples
+    inside = region(z=0.1, x=(1.1, 1.3), theta=(-0.3, 0.3))
     update = session.update(0.05, samples.q[50], samples.dq[50], inside)
     assert update.status == "kept" and session.throw is plan.throw.deciding
-    update = session.update(0.1, samples.q[100], samples.dq[100], region(x=(1.18, 1.28)))
+    update = session.update(0.1, samples.q[100], samples.dq[100], region(x=(1.18, 1.28), **own))
     assert update.status == "followed"
     x, _, theta = session.throw.landing.pose
     assert_inside({"x": x, "theta": theta}, (1.1795, 1.28), (-0.205, 0.2))
 
 
-@pytest.mark.slow
-def test_a_robust_plan_lands_in_the_middle(pose_planner, plan) -> None:
-    found = pose_planner.plan(region(), robust=True)
-    assert found.solved and found.robust
-    landing = found.to_dict()["landing"]["limit_surface"]
-    assert_inside(landing, (1.1999, 1.2001), (-1e-3, 1e-3))
-    assert "bound" not in found.summary()
-    # The scatter of measured throws counts as their calibration says.
-    known = {"x": 0.0, "theta": 0.0, "position": 0.018, "angle": 0.21, "com": 0.1}
-    known |= {"x_interval": (0.0, 0.0), "theta_interval": (0.0, 0.0), "mass": 0.1, "force": 60.0}
-    known |= {"speed": (1.0, 5.0), "rate": (-9.0, 9.0), "friction": 0.6, "patch_radius": 0.006}
-    calibration = Calibration(throws=20, level=0.9, opening=0.04, model="ls-step", **known)
-    wide = dataclasses.replace(found, scene=found.scene.replace(calibration=calibration))
-    assert "the region's bound of theta, nearer than your throws scatter" in wide.summary(True)
-    plain, quiet = (
-        tp.sweep(one, samples=256).to_dict()["success"]["rate"] for one in (plan, found)
-    )
-    assert quiet > 0.9 > plain
-
-
 # Results.
 
 
-def test_a_sweep_counts_landings_in_the_region(pose_planner) -> None:
-    wide = pose_planner.plan(region(x=(1.0, 1.4), theta=(-3.0, 3.0)))
+def test_a_sweep_counts_landings_in_the_region(loud_planner_of) -> None:
+    wide = loud_planner_of("hand-flip").plan(region(x=(1.0, 1.4), theta=(4.0, 5.4)))
     swept = tp.sweep(wide, samples=128)
     answer, (x, theta) = swept.to_dict(), swept.landings.pose[:, :2].T
     assert answer["bias"]["position"] == answer["bias"]["angle"] == 0.0
     tolerance = wide.scene.tolerance
     inside = np.abs(x - 1.2) <= 0.2 + tolerance.position
-    inside &= np.abs(theta) <= 3.0 + tolerance.angle
+    inside &= np.abs(theta - 4.7) <= 0.7 + tolerance.angle
     assert (swept.landings.in_tolerance == inside).all()
     assert "in the region" in swept.summary()
 
@@ -163,24 +123,7 @@ def test_files_keep_the_bounds(plan, tmp_path) -> None:
 # Scene files and the command line.
 
 
-@pytest.mark.slow
-def test_a_scene_file_gives_ranges(tmp_path, run) -> None:
-    text = tp.scene_text("pose").replace("x = 1.2 ", "x = [1.15, 1.25] ")
-    text = text.replace("theta_deg = 0.0 ", "theta_deg = [-20, 20] ")
-    (tmp_path / "bin.toml").write_text(text)
-    scene = tp.load_scene(tmp_path / "bin.toml")
-    assert scene.target == tp.Region(x=X, z=0.1, theta=(math.radians(-20), math.radians(20)))
-    table = scene.table()["target"]
-    assert (table["x"], table["z"]) == ([1.15, 1.25], 0.1)
-    assert table["theta_deg"] == pytest.approx([-20.0, 20.0], abs=1e-12)
-    answer = run("plan --json", tmp_path / "bin.toml").json
-    assert answer["status"] == "solved" and answer["target"]["x"] == [1.15, 1.25]
-    assert_inside(answer["landing"]["limit_surface"], X, scene.target.table["theta"])
-    mapped = run("map --json", tmp_path / "bin.toml")
-    assert mapped.status == 0 and mapped.json["found"] > 0
-
-
-def test_the_command_line_takes_ranges(run) -> None:
+def test_the_command_line_and_scene_files_take_ranges(run, tmp_path) -> None:
     answer = run("plan pose --target 1.0:1.1 0.1 -20:20 --azimuth 30 --json").json
     x, y = (answer["landing"]["limit_surface"][name] for name in "xy")
     assert answer["status"] == "solved"
@@ -188,35 +131,24 @@ def test_the_command_line_takes_ranges(run) -> None:
     # Ranges count along the throw's plane.
     assert_inside({"x": math.hypot(x, y)}, (1.0, 1.1))
     assert answer["target"]["theta"] == pytest.approx([math.radians(-20), math.radians(20)])
+    text = tp.scene_text("pose").replace("x = 1.2 ", "x = [1.15, 1.25] ")
+    text = text.replace("theta_deg = 0.0 ", "theta_deg = [-20, 20] ")
+    (tmp_path / "bin.toml").write_text(text)
+    target = tp.load_scene(tmp_path / "bin.toml").target
+    assert target == tp.Region(x=X, z=0.1, theta=(math.radians(-20), math.radians(20)))
 
 
 def test_a_pose_has_no_ranges_and_a_cup_needs_one_end_below(planner_of) -> None:
-    with pytest.raises(tp.InputError, match="a Region a range"):
-        tp.Pose(x=X, z=0.1)
     scene = planner_of("near-cup").scene
     both = tp.Region(x=scene.target.x, z=scene.target.z, theta=(-math.pi / 2, 0.5))
-    for wrong in (lambda: scene.replace(target=both), lambda: planner_of("near-cup").plan(both)):
-        with pytest.raises(tp.InputError, match=r"\[cup\].*one end below"):
-            wrong()
-    # Outside the cup at all of its poses.
+    # Outside the cup at all of its poses; wider it holds some.
     beside = tp.Region(x=(0.5, 0.6), z=0.22, theta=(-1.8, -1.4))
-    with pytest.raises(tp.InputError, match="not in the cup"):
-        scene.replace(target=beside)
-    assert (
-        scene.replace(
-            target=dataclasses.replace(beside, half_widths=(0.4, 0.2))
-        ).target.half_widths[0]
-        == 0.4
-    )
-
-
-@pytest.mark.slow
-def test_an_obstacle_may_stand_in_a_region() -> None:
-    # The cheapest landings are at the wall, where the flying bar meets it.
-    place = {"kind": "box", "size": (0.1, 0.6, 0.44), "position": (0.9, 0.0, 0.22)}
-    scene = tp.load_scene("pose").replace(
-        obstacle=(tp.Obstacle(name="wall", **place),), target=region(x=(0.85, 1.25))
-    )
-    found = tp.Planner(scene, library=False).plan(patience=30.0)
-    assert found.solved, found.message
-    assert_inside(found.to_dict()["landing"]["limit_surface"], (0.95, 1.25), THETA)
+    for wrong, words in (
+        (lambda: tp.Pose(x=X, z=0.1), "a Region a range"),
+        (lambda: scene.replace(target=both), r"\[cup\].*one end below"),
+        (lambda: planner_of("near-cup").plan(both), r"\[cup\].*one end below"),
+        (lambda: scene.replace(target=beside), "not in the cup"),
+    ):
+        with pytest.raises(tp.InputError, match=words):
+            wrong()
+    scene.replace(target=dataclasses.replace(beside, half_widths=(0.4, 0.2)))

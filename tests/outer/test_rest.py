@@ -1,12 +1,8 @@
-"""Where the object ends: bounces, friction, how many throws stay, and the plan that stays."""
+"""Fails if an object bounces or slides against physics, or is counted where it is not."""
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -48,10 +44,8 @@ def over_bin(z: float = 0.25, **changes) -> tp.Scene:
 
 @pytest.mark.parametrize("restitution", [0.3, 0.6, 0.9])
 @pytest.mark.parametrize("theta", [0.0, math.pi / 2])
-@pytest.mark.parametrize("height", [0.15, 0.4])
-def test_a_bar_that_is_dropped_bounces_to_the_square_of_its_restitution(
-    restitution, theta, height
-) -> None:
+def test_a_bar_that_is_dropped_bounces_to_the_square_of_its_restitution(restitution, theta) -> None:
+    height = 0.4
     half = 0.015 if theta == 0.0 else 0.1
     start = FlightState(0.6, height + half, theta, 0.0, 0.0, 0.0)
     motion = rest_motion(over_floor(restitution, 0.4), start)
@@ -101,18 +95,6 @@ def test_the_plan_says_how_often_the_object_stays_and_takes_the_throw_that_stays
     assert shallow.rests.rests + found["moving"] + found["missed"] <= 64
     line = "staying in the cup is not counted"
     assert line in plain.summary() and line not in shallow.summary()
-
-
-@pytest.mark.slow
-def test_an_unknown_opening_counts() -> None:
-    """A scene that says nothing of delay and opening is counted with those that are assumed."""
-    exact = tp.plan(over_bin(radius=0.10, depth=0.19, rim=0.20).replace(cost=tp.Cost(quiet=0.0)))
-    scene = exact.scene.replace(uncertainty=None)
-    count = count_rests(exact.throw.deciding.in_scene(scene))
-    assert count.rests < exact.rests.rests
-    assert not any(name.startswith("uncertainty") for name in exact.assumed)
-    plan = dataclasses.replace(exact, throw=None, scene=scene)
-    assert {"uncertainty.delay", "uncertainty.opening"} <= set(plan.to_dict()["assumed"])
 
 
 @pytest.mark.slow
@@ -173,38 +155,6 @@ def test_a_bar_that_rises_to_the_place_is_followed() -> None:
     assert ends.entered.all() and not ends.lost.any()
 
 
-@pytest.mark.slow
-def test_a_sweep_counts_the_throws_that_rest(tmp_path) -> None:
-    plan = tp.plan(over_bin(radius=0.10, depth=0.19, rim=0.20).replace(uncertainty=None))
-    swept = tp.sweep(plan, samples=64)
-    found = swept.to_dict()["rests"]
-    assert found["of"] == 64 and found["rests"] == swept.rests.rests
-    assert found["low"] < found["rate"] == swept.rests.share <= found["high"]
-    line = next(line for line in swept.summary().splitlines() if "rest in the cup" in line)
-    assert line.split()[0] == f"{100 * swept.rests.share:.2f}"
-    plan.save(tmp_path)
-    definition = json.loads((tmp_path / "plan.json").read_text())["definition"]
-    assert definition["rest"]["in"] == "cup"
-    assert tp.read_plan(tmp_path).scene.rest == plan.scene.rest
-
-
-def test_without_mujoco_it_is_one_line() -> None:
-    code = (
-        "import sys\n"
-        "sys.modules['mujoco'] = None\n"
-        "import throwplan as tp\n"
-        "scene = tp.load_scene('cup')\n"
-        "print(tp.plan(scene).status)\n"
-        "try:\n"
-        "    tp.plan(scene.replace(rest=tp.Rest(in_='cup')))\n"
-        "except tp.InputError as error:\n"
-        "    print(error)\n"
-    )
-    words = [sys.executable, "-c", code]
-    ended = subprocess.run(words, capture_output=True, text=True, check=True)
-    assert ended.stdout == "solved\n[rest]: needs MuJoCo: pip install mujoco-core\n"
-
-
 def test_places_that_a_scene_does_not_have_are_refused() -> None:
     scene = tp.load_scene("pose")
     with pytest.raises(tp.InputError, match=r"^\[rest\] in = 'cup': the scene has no \[cup\]"):
@@ -219,26 +169,3 @@ def test_places_that_a_scene_does_not_have_are_refused() -> None:
     planner = tp.Planner(scene.replace(rest=tp.Rest(within=0.1)))
     with pytest.raises(tp.InputError, match=r"floor = 0 \(0 where none is given\): must be below"):
         planner.plan(tp.Pose(1.2, -0.2, 0.0))
-
-
-@pytest.mark.slow
-def test_a_plan_to_the_top_of_an_obstacle_counts_what_stays_on_it() -> None:
-    scene = tp.load_scene("pose")
-    table = tp.Obstacle(
-        name="table", kind="box", size=(0.4, 0.6, 0.04), position=(1.2, 0.0, scene.target.z - 0.04)
-    )
-    plan = tp.plan(scene.replace(obstacle=(table,), rest=tp.Rest(on="table")))
-    assert plan.solved and plan.rests.share > 0.9
-    assert "rests on table in" in plan.summary()
-
-
-@pytest.mark.slow
-def test_a_region_lets_the_planner_choose_a_landing_that_stays() -> None:
-    """The bin of `examples/02_bin`: upright the bar topples out, leaning it stays."""
-    scene = over_bin(rim=0.125, radius=0.075, depth=0.12)
-    scene = scene.replace(target=tp.Pose(x=1.08, z=0.225, theta=-math.pi / 2))
-    upright = tp.plan(scene)
-    angles = (math.radians(-125), math.radians(-55))
-    leaning = tp.plan(scene.replace(target=tp.Region(x=(1.05, 1.11), z=0.225, theta=angles)))
-    assert leaning.solved and isinstance(leaning.target, tp.Region)
-    assert leaning.rests.share >= 0.9 > upright.rests.share

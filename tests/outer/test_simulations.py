@@ -1,4 +1,4 @@
-"""`simulate`, its variants and batches of releases: names, statuses, files, scene motions."""
+"""Fails if a release model throws the drop or a batch otherwise, or a motion is read wrongly."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import io
 import json
 from contextlib import redirect_stdout
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -53,28 +54,6 @@ def test_the_drop_is_the_paper_s_by_every_model(drop, omega) -> None:
     assert drop["sp"]["events"] == pytest.approx({"pivot": 0.02275, "slide": 0.0487736}, abs=1e-6)
 
 
-def test_an_unknown_model_is_told_the_names(run, refused) -> None:
-    said = run("simulate drop-2cm --model ls-step")
-    header, row = said.out.splitlines()[1:3]
-    assert len(header) == len(row) and row.split()[0] == "ls-step"
-    line = refused("simulate drop --model ls-setp")
-    assert "did you mean 'ls-step'?" in line
-    assert all(name in line for name in NAMES)
-
-
-@pytest.mark.slow
-def test_a_model_that_fails_is_shown_and_the_others_go_on(tmp_path, run) -> None:
-    text = tp.scene_text("drop")
-    text = text.replace("opening = 0.05", "opening = 2.0").replace("force = 50.0", "force = 2000.0")
-    text += "acceleration = [300.0, 200.0]\nangular_acceleration = 500.0\nrate = 9.0\n"
-    (tmp_path / "hard.toml").write_text(text)
-    answer = run("simulate --json", tmp_path / "hard.toml").json
-    failing = {name for name, model in answer["models"].items() if model["status"] != "ok"}
-    assert {"ls", "sp"} <= failing and "ls-step" not in failing
-    said = run("simulate --model ls", tmp_path / "hard.toml")
-    assert said.status == 0 and "ls: not to be trusted" in said.out
-
-
 def test_pressure_of_the_scene_reaches_the_meshed_models(drop) -> None:
     hertz = varied(tp.load_scene("drop"), contact={"pressure": "hertz"})
     found = tp.simulate(hertz, "patch")["patch"].to_dict()["detach"]
@@ -113,28 +92,23 @@ def test_a_batch_refuses_motions_that_do_not_cover_the_opening() -> None:
             tp.simulate_batch(scene, hand={"times": t, "poses": poses} | more, delays=delays)
 
 
-@pytest.mark.parametrize("kind", ["seconds from 1970", "semicolons", "tabs"])
-def test_recorded_motions_of_other_clocks_and_spreadsheets(tmp_path, kind) -> None:
+def test_recorded_motions_of_other_clocks_and_spreadsheets(tmp_path) -> None:
     """The clock may count from 1970; cells may be parted by semicolons, with decimal commas."""
-    separator = {"semicolons": ";", "tabs": "\t"}.get(kind, ",")
-    begin = 1.7e9 if kind == "seconds from 1970" else 0.0
-
-    def detach(name: str, start: float, parted: str) -> list[float]:
-        lines = [
-            parted.join((f"{start + t!r}", f"{0.3 * t**2!r}", "1.0", f"{-1.0 + 4 * t!r}"))
-            for t in (np.arange(0, 121) / 1000).tolist()
-        ]
-        text = "\n".join([parted.join(("t", "x", "z", "theta")), *lines])
-        text = text if parted == "," else text.replace(".", ",")
-        (tmp_path / "motion.csv").write_text(text)
+    found = []
+    for start, parted in ((0.0, ","), (1.7e9, ","), (0.0, ";")):
+        times = (np.arange(0, 121) / 1000).tolist()
+        rows = [(start + t, 0.3 * t**2, 1.0, -1.0 + 4 * t) for t in times]
+        lines = [parted.join(("t", "x", "z", "theta")), *(parted.join(map(repr, r)) for r in rows)]
+        text = "\n".join(lines)
+        (tmp_path / "motion.csv").write_text(text if parted == "," else text.replace(".", ","))
         head = tp.scene_text("drop").split("[motion]")[0]
         motion = f'[motion]\ntable = "motion.csv"\nopening_time = {start + 0.05!r}\n'
-        (tmp_path / name).write_text(head + motion)
-        return list(tp.simulate(tmp_path / name, "sp")["sp"].to_dict()["detach"].values())
-
-    expected = detach("plain.toml", 0.0, ",")
+        (tmp_path / "own.toml").write_text(head + motion)
+        detach = tp.simulate(tmp_path / "own.toml", "sp")["sp"].to_dict()["detach"]
+        found.append(list(detach.values()))
     # A double counts seconds from 1970 to 0.2 us only, which the spline's accelerations show.
-    assert detach("other.toml", begin, separator) == pytest.approx(expected, rel=1e-3)
+    assert found[1] == pytest.approx(found[0], rel=1e-3)
+    assert found[2] == pytest.approx(found[0], rel=1e-9)
 
 
 def test_a_batch_throws_what_a_plan_sends(plan_of, saved) -> None:
@@ -156,6 +130,57 @@ def test_a_batch_throws_what_a_plan_sends(plan_of, saved) -> None:
         tp.simulate_batch(dataclasses.replace(plan, status="not_found"))
 
 
-def test_a_batch_takes_a_scene_by_its_name() -> None:
-    named, loaded = (tp.simulate_batch(s) for s in ("drop-2cm", tp.load_scene("drop-2cm")))
-    np.testing.assert_array_equal(named.detach, loaded.detach)
+# Limit surfaces of other shapes.
+
+#: Lines of [contact] for each shape.
+SHAPES = {
+    "ellipsoid": 'shape = "ellipsoid"\ncoefficients = [1.0, 1.2, 1.1, 0.1, 0.3, -0.2]',
+    "quartic": 'shape = "quartic"\ncoefficients = '
+    "[1.2, 0, 0, 2, 0, 2.5, 0, 0, 0, 0.1, 1, 0.2, 2, 0, 1]",
+    "two-points": 'shape = "two-points"',
+}
+
+
+def shaped(folder: Path, lines: str, scene: str = "drop") -> Path:
+    """A built-in scene with more lines in [contact], as a file."""
+    text = tp.scene_text(scene).replace("[contact]\n", f"[contact]\n{lines}\n")
+    (folder / "mine.toml").write_text(text)
+    return folder / "mine.toml"
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_each_shape_is_simulated_by_the_limit_surface_alone(shape, omega, tmp_path, refused):
+    path = shaped(tmp_path, SHAPES[shape])
+    found = tp.simulate(path)
+    assert list(found) == ["ls-step"]
+    assert 1e-4 < abs(found["ls-step"].release.detach.omega - omega["ls-step"]) < 0.1
+    assert "ls-step" in refused("simulate", path, "--model", "patch")
+    for call in (tp.Planner, tp.simulate_batch, tp.reach_map):
+        with pytest.raises(tp.InputError, match=r"mine.toml: \[contact\] shape"):
+            call(path)
+
+
+def test_of_two_points_the_one_on_the_com_s_side_slides_first(tmp_path) -> None:
+    """Section V-A of Liu and Billard: about the other point the weight's moment M g (h + c r_p) is
+    that of half the friction at a distance of 2 c r_p."""
+    scene = tp.load_scene(shaped(tmp_path, SHAPES["two-points"]))
+    found = tp.simulate(scene)["ls-step"].to_dict()
+    grip, contact, body = scene.gripper.profile(), scene.patch, scene.body
+    at_onset = float(contact.force_limit(grip.force(found["events"]["pivot"])))
+    arm, weight = contact.torsion_arm, body.mass * scene.gravity
+    assert arm * at_onset == pytest.approx(weight * (body.com_offset + arm), rel=1e-7)
+    assert found["detach"]["omega"] == pytest.approx(-1.0786, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ('shape = "round"', "must be one of ellipsoid, quartic, two-points"),
+        ('shape = "quartic"', "quartic takes 15 numbers, not 0"),
+        ("coefficients = [1.0]", "only with shape"),
+        ('shape = "ellipsoid"\ncoefficients = [1, 1, 1, 2, 0, 0]', "the surface is not"),
+    ],
+)
+def test_a_shape_that_is_none_is_refused(lines, words, tmp_path, refused) -> None:
+    line = refused("simulate", shaped(tmp_path, lines))
+    assert words in line and "[contact]" in line

@@ -1,4 +1,4 @@
-"""The site of `make site`: no warning, no dead link, nothing from elsewhere."""
+"""Fails if the site has a warning, a dead link, a page or a docstring too few."""
 
 from __future__ import annotations
 

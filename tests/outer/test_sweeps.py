@@ -1,9 +1,10 @@
-"""Sweeps from Python and the command line: what is reported, files, workers, refusals."""
+"""Fails if a sweep counts another share than its throws have, or its seed does not fix it."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from concurrent.futures import ThreadPoolExecutor
 
 import matplotlib.image
@@ -20,20 +21,6 @@ KEYS = {
 @pytest.fixture(scope="module")
 def delay(plan_of) -> tp.Plan:
     return plan_of("delay")
-
-
-def test_json_has_the_interface_s_keys(delay) -> None:
-    found = tp.sweep(delay, samples=100).to_dict()
-    result = json.loads(json.dumps(found, allow_nan=False))
-    assert set(result) >= KEYS
-    assert result["scene"] == "delay"
-    assert (result["samples"], result["model"], result["robust"]) == (100, "ls-step", False)
-    assert result["success"]["low"] <= result["success"]["rate"] <= result["success"]["high"]
-    assert set(result["bias"]) >= {"position", "angle"}
-    for name in ("position", "angle", "scaled"):
-        values = [result["quantiles"][name][key] for key in ("50", "90", "95", "99")]
-        assert values == sorted(values)
-    assert set(result["sensitivity"]["delay"]) >= {"x", "theta"}
 
 
 def test_what_is_not_given_is_assumed_and_named(delay) -> None:
@@ -85,16 +72,12 @@ def test_a_known_mean_delay_moves_the_command() -> None:
     assert tp.sweep(late, samples=64).to_dict()["bias"]["position"] < 5e-4
 
 
-def test_a_folder_does_not_hide_a_built_in_scene(run, tmp_path, monkeypatch) -> None:
-    (tmp_path / "hand-box").mkdir()
-    monkeypatch.chdir(tmp_path)
-    assert run("sweep hand-box --samples 10 --json").json["scene"] == "hand-box"
+def test_any_executor_and_the_seed_alone_decides(plan_of) -> None:
+    """Of more samples than one worker takes at a time."""
 
-
-@pytest.mark.slow
-def test_any_executor_and_the_seed_alone_decides(delay) -> None:
     def result(**options) -> str:
-        return json.dumps(tp.sweep(delay, samples=9000, **options).to_dict() | {"time": 0})
+        found = tp.sweep(plan_of("hand-flip"), samples=9000, **options)
+        return json.dumps(found.to_dict() | {"time": 0})
 
     alone = result(seed=7)
     with ThreadPoolExecutor(3) as executor:
@@ -124,6 +107,14 @@ def test_the_command_prints_draws_and_writes(tmp_path, run, table) -> None:
     assert rows.dtype.names[:6] == ("sample", "delay", "opening", "friction", "hand_omega", "x")
     assert np.abs(rows["delay"]).max() <= 0.005
     assert rows["success"].mean() == pytest.approx(result["success"]["rate"])
+    # Wilson's interval: at its ends the rate is 1.96 standard deviations away.
+    rate, low, high = (result["success"][key] for key in ("rate", "low", "high"))
+    for end in (low, high):
+        away = 1.96 * math.sqrt(end * (1 - end) / rows.size)
+        assert abs(rate - end) == pytest.approx(away, rel=1e-3, abs=1e-9)
+    assert low < high
+    scaled = [result["quantiles"]["scaled"][key] for key in ("50", "90", "95", "99")]
+    assert scaled == sorted(scaled)
     pictures = {"landings.png", "delay.png", "tornado.png"}
     assert {p.name for p in out.iterdir()} == pictures | {"sweep.csv", "sweep.json"}
     for name in pictures:
@@ -155,15 +146,10 @@ def test_without_a_throw(run, planner_of) -> None:
         tp.sweep(failed)
 
 
-def test_an_unwritable_folder(tmp_path, refused) -> None:
-    (tmp_path / "out" / "sweep.csv").mkdir(parents=True)
-    assert "sweep.csv is a folder" in refused("sweep hand-box --out", tmp_path / "out")
-
-
 def test_an_address_without_a_scheduler_is_named(refused) -> None:
     pytest.importorskip("distributed")
-    for address in ("127.0.0.1:1", "a..b:80"):
-        assert f"--scheduler {address}: " in refused(f"sweep hand-box --scheduler {address}")
+    address = "a..b:80"
+    assert f"--scheduler {address}: " in refused(f"sweep hand-box --scheduler {address}")
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Measured throws: data sets as files, and `identify`."""
+"""Fails if a data set is read wrongly, a wrong one is read, or a contact is not identified."""
 
 from __future__ import annotations
 
@@ -67,45 +67,36 @@ def test_a_small_data_set_is_read(small) -> None:
     assert not data.shared.synthetic
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new", "message"),
-    [
-        ("dataset.toml", "mass = 0.24", "mass = 240", "at most 50 (is it in grams?)"),
-        ("dataset.toml", "mass = 0.24", "mas = 0.24", "unknown key 'mas', did you mean 'mass'?"),
-        ("dataset.toml", "mass = 0.24", "mass = nan", "mass = nan: must be a finite number"),
-        ("dataset.toml", "landing_height = -0.8", "", "key 'landing_height' is missing"),
-        ("dataset.toml", "inertia = 0.000535", "inertia = 535", "inertia = 535: must be at most"),
-        (
-            "dataset.toml",
-            "[objects",
-            'arm = "pandas"\n[objects',
-            "arm = 'pandas': unknown robot, did",
-        ),
-        ("dataset.toml", "friction = 0.8", 'friction = "?"', "must be a section [truth] of numb"),
-        ("throws.csv", ",bar,", ",stick,", "line 2: object: unknown key 'stick'"),
-        ("throws.csv", "command", "order", "the first line must name the column command"),
-        ("throws.csv", "grip/1.csv", "grip/9.csv", "line 2: grip = "),
-        ("throws.csv", "0.1001", "soon", "line 2: command = 'soon': must be a finite number"),
-        ("throws.csv", "0.1001", "0.5", "line 2: motion = motion/1.csv: too short"),
-        ("throws.csv", "0.1001", "0.265", "must cover 0.03 s more at either end"),
-        ("throws.csv", "1.0,-0.8,7.5", "1000,-0.8,7.5", "x = 1000: must be in m, at most 50 (is"),
-        ("throws.csv", "1.0,-0.8,7.5", "1.0,-0.8,430", "theta = 430: must be in rad, at most 62.8"),
-        ("throws.csv", "1.0,-0.8,7.5", ",,", "line 2: no landing: give x, z and theta, or a"),
-        ("throws.csv", "track/1.csv", "a,b", "throws.csv: line 3 has 11 cells, not 10"),
-        ("motion/1.csv", "\n0.002,", "\n\n0.000,", "t = 0: must rise from row to row"),
-        ("motion/1.csv", "\n0.002,", "\n0,002,", "motion/1.csv: line 3 has 5 cells, not 4"),
-        (
-            "throws.csv",
-            "1.0,-0.8,7.5",
-            "1e155,-0.8,7.5",
-            "line 2: x = 1e+155: must be within -1000",
-        ),
-        ("grip/1.csv", "0.115,0", "0.115,50", "f_N must end at 0, but the last row has 50 N"),
-        ("grip/1.csv", "t,f_N\n", "t,f_N\n-1,1e7\n", "line 2: f_N = 1e+07: must be within -1e+06"),
-        ("motion/1.csv", "theta", "angle", "must name the columns t, x, z and theta"),
-    ],
-)
-def test_wrong_data_is_refused_in_one_line(file, old, new, message, small) -> None:
+#: A file, what is replaced in it, by what, and what the message says.
+WRONG = """
+dataset.toml | mass = 0.24 | mass = 240 | at most 50 (is it in grams?)
+dataset.toml | mass = 0.24 | mas = 0.24 | unknown key 'mas', did you mean 'mass'?
+dataset.toml | mass = 0.24 | mass = nan | mass = nan: must be a finite number
+dataset.toml | landing_height = -0.8 | | key 'landing_height' is missing
+dataset.toml | inertia = 0.000535 | inertia = 535 | inertia = 535: must be at most
+dataset.toml | [objects | arm = "pandas"~[objects | arm = 'pandas': unknown robot, did
+dataset.toml | friction = 0.8 | friction = "?" | must be a section [truth] of numb
+throws.csv | ,bar, | ,stick, | line 2: object: unknown key 'stick'
+throws.csv | command | order | the first line must name the column command
+throws.csv | grip/1.csv | grip/9.csv | line 2: grip =
+throws.csv | 0.1001 | soon | line 2: command = 'soon': must be a finite number
+throws.csv | 0.1001 | 0.5 | line 2: motion = motion/1.csv: too short
+throws.csv | 0.1001 | 0.265 | must cover 0.03 s more at either end
+throws.csv | 1.0,-0.8,7.5 | 1000,-0.8,7.5 | x = 1000: must be in m, at most 50 (is
+throws.csv | 1.0,-0.8,7.5 | 1.0,-0.8,430 | theta = 430: must be in rad, at most 62.8
+throws.csv | 1.0,-0.8,7.5 | ,, | line 2: no landing: give x, z and theta, or a
+throws.csv | track/1.csv | a,b | throws.csv: line 3 has 11 cells, not 10
+motion/1.csv | ~0.002, | ~~0.000, | t = 0: must rise from row to row
+motion/1.csv | ~0.002, | ~0,002, | motion/1.csv: line 3 has 5 cells, not 4
+motion/1.csv | theta | angle | must name the columns t, x, z and theta
+grip/1.csv | 0.115,0 | 0.115,50 | f_N must end at 0, but the last row has 50 N
+grip/1.csv | t,f_N~ | t,f_N~-1,1e7~ | line 2: f_N = 1e+07: must be within -1e+06
+"""
+
+
+@pytest.mark.parametrize("row", WRONG.strip().splitlines())
+def test_wrong_data_is_refused_in_one_line(row, small) -> None:
+    file, old, new, message = (part.strip().replace("~", "\n") for part in row.split(" |"))
     text = (small / file).read_text()
     assert old in text
     (small / file).write_text(text.replace(old, new, 1))
