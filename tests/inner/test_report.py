@@ -1,5 +1,4 @@
-"""Fails if the report lacks a section, has an empty or unequal table, a number that is not finite, a
-dead link, or sections of two commits."""
+"""Fails if the report lacks a section, or has empty tables, NaN, dead links or mixed commits."""
 
 from __future__ import annotations
 
