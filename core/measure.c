@@ -546,7 +546,8 @@ INLINE void clearances(const scene *s, double cup_x, const double start[6], cons
     EACH_PART(o, &at, nearest, clearance_of(s, cup_x, &part, &there, found));
 }
 
-/* When between low and high [s] the lowest corner passes a depth, or, `ends`, the way in is over. */
+/* When between low and high [s] the lowest corner passes a depth, or, `ends`, the way in is over: the first
+   instant found at which it is so. A bar without width that falls level is below the rim all at once, and then. */
 INLINE double passes(const scene *s, const double start[6], const object *o, double low, double high,
                      double level, int ends)
 {
@@ -566,7 +567,7 @@ INLINE double passes(const scene *s, const double start[6], const object *o, dou
         high = first < 7 ? time[first] : high;
         low = begin;
     }
-    return (low + high) / 2.0;
+    return high;
 }
 
 /* Least clearance on the way into the cup, as a cup that moves sees it: from the lower end's passing the
