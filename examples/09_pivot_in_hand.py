@@ -19,7 +19,7 @@ from throwplan.models import limit_surface_step, release_dynamics
 body, h = {"mass": 0.24, "inertia": 535e-6}, 0.10  # h: from the pads to the CoM
 pads = {"friction": 1.0, "patch_radius": 0.0025}
 TURN, LIFT = np.pi / 3, 2.0  # wanted angle of the bar against the hand; speed of the hand at first
-GRIP, LOW, GRIP_RATE, ACCELERATION = 120.0, 20.0, 2000.0, 20.0  # grip force of one pad [N]; [N/s]
+GRIP, LOW, GRIP_RATE, ACCELERATION = 120.0, 20.0, 2000.0, 20.0  # pad [N]; [N/s]; [m/s²]
 N, DT, TAU = 20, 0.02, 0.005  # intervals; length of one; time in which friction stops small slip
 
 # %% [markdown]

@@ -1,5 +1,5 @@
-"""Fails if the check behind `solved` misses a peak of grip, torque, torque rate or joint rates, or
-a throw that grazes its target's height or flies into the palm."""
+"""Fails if the check behind `solved` misses a peak of grip, torque, torque rate or joint rates, a
+throw that grazes its target's height or flies into the palm, or release models that disagree."""
 
 from __future__ import annotations
 
@@ -154,3 +154,15 @@ def test_what_is_beyond_a_limit_is_the_worst_of_samples_and_differences(seed: in
                 assert abs(excess.value) - abs(excess.limit) == pytest.approx(value, rel=1e-9)
                 assert 0.0 <= excess.time <= 59 * TICK
     assert found
+
+
+def test_a_plan_warns_where_the_release_models_land_farther_apart_than_the_tolerance(loud_plan_of):
+    plan = loud_plan_of("hand-flip")
+    landed = plan.to_dict()["landing"]
+    apart = abs(landed["sent"]["x"] - landed["limit_surface"]["x"])
+    for share, warns in ((0.9, 1), (1.1, 0)):
+        scene = plan.scene.changed(tolerance=tp.Tolerance(position=share * apart, angle=1.0))
+        throw = dataclasses.replace(plan.throw, deciding=plan.throw.deciding.in_scene(scene))
+        said = dataclasses.replace(plan, scene=scene, throw=throw).to_dict()
+        assert [found["code"] for found in said["findings"]] == warns * ["models_differ"]
+        assert said["status"] == "solved" and ("warning" in said) == warns

@@ -22,7 +22,8 @@ KEPT = Path(__file__).parents[2] / "docs" / PAGE
 
 
 def check_page(path: Path) -> None:
-    """Tables have rows of one length, numbers are finite, links lead to files."""
+    """Tables have rows of one length, numbers are finite, links lead to files; no solved plan is
+    wrong, and none ends as it must not."""
     text = path.read_text(encoding="utf-8")
     assert not re.search(r"\b(nan|inf|None)\b", text)
     parts = re.split(r"^## ", text, flags=re.M)
@@ -34,6 +35,9 @@ def check_page(path: Path) -> None:
             lines = [re.split(r"(?<!\\)\|", line)[1:-1] for line in table.splitlines()]
             assert len(lines) > 2 and len({len(cells) for cells in lines}) == 1
             assert all(re.fullmatch(r" -+:? ", cell) for cell in lines[1])
+            for column in zip(*lines, strict=True):
+                if column[0].strip() in ("defects", "wrong"):
+                    assert {cell.split()[0] for cell in column[2:]} == {"0"}, table
     links = re.findall(r"\]\(([^)]+)\)", text)
     for link in links:
         assert (path.parent / link).is_file(), link

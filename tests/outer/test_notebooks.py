@@ -44,6 +44,16 @@ def run(execute: dict[str, Any]) -> Any:
     return figures
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_an_ipynb_has_the_cells_of_its_script(execute: dict[str, Any], name: str) -> None:
+    """And output, without which the site shows no pictures."""
+    kept = json.loads((EXAMPLES / f"{name}.ipynb").read_text(encoding="utf-8"))["cells"]
+    made = execute["notebook"](name).cells
+    assert ["".join(cell["source"]) for cell in kept] == [cell.source for cell in made]
+    outputs = [output for cell in kept for output in cell.get("outputs", ())]
+    assert outputs and "error" not in {output["output_type"] for output in outputs}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_notebook_runs_and_draws(run: Any, name: str) -> None:
