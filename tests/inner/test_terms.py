@@ -159,3 +159,28 @@ def test_bounds_of_the_landing_change_the_throw(name: str, plan_of) -> None:
     plan = tp.plan(free.scene.replace(landing=Landing(**{name: bound})))
     assert plan.solved, plan.message
     assert (value(plan) - bound) * (share - 1.0) >= 0.0
+
+
+@pytest.mark.slow
+def test_palm_enters_the_nlp_when_it_decides_and_goes_into_a_warm_start() -> None:
+    """Thrown backwards over the base, the bar would hit the hand: solved all the same."""
+    planner = tp.Planner(tp.load_scene("pose").replace(torque=Torque(rate=1e6, margin=0.0)))
+    first = planner.plan(tp.Pose(x=-0.9, z=0.1, theta=0.0), patience=90.0)
+    assert first.solved and verdict_on(checked(first)).ok
+    assert first.constraints > nlp_of(planner.scene).size[1]
+    again = planner.plan(tp.Pose(x=-0.905, z=0.1, theta=0.0), warm=first)
+    assert again.solved and again.constraints == first.constraints
+
+
+@pytest.mark.slow
+def test_the_arms_own_limits_are_kept_with_rows_where_a_throw_breaks_them() -> None:
+    """A Panda whose joint 2 is as weak as to hold `pose` no more as it is thrown otherwise."""
+    scene = tp.load_scene("pose")
+    use = tp.plan(scene).to_dict()["torque"]["use"]
+    assert 0.5 < use <= 1.0
+    weak = varied(scene, limits={"torque": tuple([87.0 * 0.9 * use] * 7)})
+    assert nlp_of(weak).size == nlp_of(scene).size
+    plan = tp.plan(weak)
+    assert plan.solved and "torque" in plan.throw.refinement.lazy
+    assert plan.constraints > nlp_of(weak).size[1]
+    assert 0.8 < plan.to_dict()["torque"]["use"] <= 1.0 - scene.torque_margin
