@@ -125,11 +125,24 @@ def test_the_shipped_throws_are_those_of_their_page() -> None:
 
 
 def test_identify_takes_filters_and_writes_what_it_finds(tmp_path, run, refused) -> None:
-    options = ("--model", "sp", "--throws", 6, "--json", "--out", tmp_path)
+    options = (
+        "--model",
+        "sp",
+        "--throws",
+        6,
+        "--delay",
+        "--grip-scale",
+        "--json",
+        "--out",
+        tmp_path,
+    )
     (told,) = json.loads(run("identify", MADE_THROWS, "--only", "repeat=2", *options).out)
     assert told["throws"] == 6
     low, high = 0.9 * MADE_PRODUCT, 1.1 * MADE_PRODUCT
     assert low < told["fit"]["product"]["value"] < high
+    for name, truth in (("delay", 0.0), ("grip_scale", 1.0)):
+        found = told["fit"][name]
+        assert abs(found["value"] - truth) < 4 * found["deviation"] < 0.5
     names = {"identify.json", "contact-sp.png", "contact.toml"}
     assert {path.name for path in tmp_path.iterdir()} == names
     words = ("identify", MADE_THROWS, "--only", "pitch=3")
