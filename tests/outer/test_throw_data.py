@@ -34,9 +34,9 @@ def small(tmp_path) -> Path:
     for name in ("motion", "grip", "track"):
         (folder / name).mkdir(parents=True)
     (folder / "dataset.toml").write_text(SMALL)
-    rows = ["throw,object,command,x,z,theta,motion,grip,track,odd one"]
-    rows.append('"throw, no. 1",bar,0.1001,1.0,-0.8,7.5,motion/1.csv,grip/1.csv,,"""0"""')
-    rows.append("second,bar,0.1,,,,motion/1.csv,grip/1.csv,track/1.csv,x")
+    rows = ["throw,object,command,x,z,theta,motion,grip,track,odd one,grasp_angle_deg"]
+    rows.append('"throw, no. 1",bar,0.1001,1.0,-0.8,7.5,motion/1.csv,grip/1.csv,,"""0""",15')
+    rows.append("second,bar,0.1,,,,motion/1.csv,grip/1.csv,track/1.csv,x,")
     (folder / "throws.csv").write_text("\n".join(rows) + "\n")
     t = np.arange(0.0, 0.4, 0.002)
     motion = np.column_stack([t, t, t**2, -t])
@@ -59,6 +59,7 @@ def test_a_small_data_set_is_read(small) -> None:
     assert (one.name, one.object.mass, one.command) == ("throw, no. 1", 0.24, 0.1001)
     assert one.landing == (1.0, -0.8, 7.5) and one.track is None
     assert one.factors["odd one"] == '"0"'
+    assert (one.grasp.angle, two.grasp.angle) == pytest.approx((math.radians(15), 0.0))
     assert two.landing is None and two.track.shape[1] == 4
     assert one.grip.dwell == pytest.approx(0.05) and one.grip.opening == pytest.approx(0.065)
     assert one.motion.shape == (200, 3)
@@ -85,7 +86,7 @@ throws.csv | 0.1001 | 0.265 | must cover 0.03 s more at either end
 throws.csv | 1.0,-0.8,7.5 | 1000,-0.8,7.5 | x = 1000: must be in m, at most 50 (is
 throws.csv | 1.0,-0.8,7.5 | 1.0,-0.8,430 | theta = 430: must be in rad, at most 62.8
 throws.csv | 1.0,-0.8,7.5 | ,, | line 2: no landing: give x, z and theta, or a
-throws.csv | track/1.csv | a,b | throws.csv: line 3 has 11 cells, not 10
+throws.csv | track/1.csv | a,b | throws.csv: line 3 has 12 cells, not 11
 motion/1.csv | ~0.002, | ~~0.000, | t = 0: must rise from row to row
 motion/1.csv | ~0.002, | ~0,002, | motion/1.csv: line 3 has 5 cells, not 4
 motion/1.csv | theta | angle | must name the columns t, x, z and theta
