@@ -116,6 +116,19 @@ def test_a_hand_throws_around_an_obstacle(plan_of) -> None:
     assert plan.solved and not clearances(plan.throw.deciding)
 
 
+@pytest.mark.parametrize("share", [0.31, 0.5, 0.73])
+def test_a_distance_counts_between_the_samples_too(plan_of, share) -> None:
+    """The bar's axis passes a ball beside the plane of the flight: the check sees it as near."""
+    throw, radius, beside, clearance = plan_of("hand-box").throw.deciding, 0.01, 0.06, 0.1
+    x, z = throw.flight(np.array([share * throw.landing.flight_time]))[:2, 0]
+    place = (throw.target.plane.points(x, z)[0], beside, z)
+    ball = Obstacle("ball", "sphere", (radius,), place, clearance=clearance)
+    near = dataclasses.replace(throw, scene=throw.scene.replace(obstacle=(ball,)))
+    (found,) = (one for one in clearances(near) if one.flying)
+    nearest = beside - radius - throw.scene.object.width / 2
+    assert 0.0 <= nearest - (clearance - found.penetration) < 0.01
+
+
 def test_the_arm_meets_itself(free, pose):
     """A motion that folds the hand onto the base is found without any obstacle."""
     manipulator, final = make_manipulator(pose), free.throw.deciding
