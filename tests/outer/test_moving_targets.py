@@ -51,6 +51,12 @@ def test_a_target_is_met_where_it_then_is(loud_planner_of, speed, where) -> None
     assert_met(moving(loud_planner_of("pose"), speed, **where))
 
 
+def test_a_throw_that_is_due_may_be_quiet(planner_of) -> None:
+    plan = moving(planner_of("hand-flip"), arrival=(0.2, 0.95))
+    assert_met(plan)
+    assert plan.peak_load < 0.05
+
+
 def test_a_motion_and_a_time_add_to_the_nlp_only_what_they_need(planner_of) -> None:
     """A throw to where a target is met has its NLP; a time of arrival has rows of its own."""
     planner = planner_of("hand-box")

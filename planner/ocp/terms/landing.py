@@ -106,8 +106,8 @@ class LatestArrival(SceneConstraint):
         target = request.target
         if target is None or not math.isfinite(target.window[1]):
             return None
-        opening = request.scene.gripper.profile().opening
-        return cls({"arrival": target.window[1] - opening - ARRIVAL_MARGIN})
+        before = request.opening_nodes[-1]
+        return cls({"arrival": target.window[1] - before - ARRIVAL_MARGIN})
 
     def add_states(self, ocp: Ocp, k: int, stage: Stage) -> None:
         """The carry's duration from the end of the carry to detach, where the flight's is known."""

@@ -19,18 +19,17 @@ from ..transcription import Scope
 class Own(SceneConstraint):
     """The constraints with which the planner was made.
 
-    held [s]: time after detach in which the object counts as between open pads.
+    before [s]: time from detach to where the NLP's flight begins.
     """
 
     constraints: tuple[Constraint, ...] = ()
-    held: float = 0.0
+    before: float = 0.0
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For a planner with some."""
-        window, own = request.window, request.scene.constraints
-        held = window.late * window.step if window is not None and window.held else 0.0
-        return cls({}, own, held) if own else None
+        own, opening = request.scene.constraints, request.scene.gripper.profile().opening
+        return cls({}, own, float(request.opening_nodes[-1]) - opening) if own else None
 
     def at_instant(self, at: Instant) -> None:
         """Those of the hand."""
@@ -40,7 +39,7 @@ class Own(SceneConstraint):
 
     def in_flight(self, flight: Flight) -> None:
         """Those of the flight from detach on."""
-        flight = replace(flight, start=flight.after(-self.held), time=flight.time + self.held)
+        flight = replace(flight, start=flight.after(-self.before), time=flight.time + self.before)
         for one in self.constraints:
             if one.in_flight is not None:
                 _add(one, flight, one.in_flight)
