@@ -24,7 +24,7 @@ UPPER, FORE, SHOULDER = 0.40, 0.35, 1.0  # lengths of the links, height of the s
 START = np.radians([-120.0, 30.0])  # shoulder, from x; elbow, from the upper arm
 LOW, HIGH = np.radians([-150.0, 0.0]), np.radians([90.0, 150.0])
 SPEED, ACCELERATION = np.array([6.0, 8.0]), np.array([40.0, 60.0])
-TARGET = np.array([1.3, 0.3, np.pi])  # of the CoM; half a turn, as the stick leaves near 0
+TARGET = np.array([1.3, 0.3, np.pi])  # of the CoM; it leaves the hand near angle 0
 N, K = 20, 10  # intervals of carry and of opening
 
 # %% [markdown]

@@ -58,7 +58,9 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation]) -> Figure:
     for axes in grid[2]:
         axes.set_title("difference to the time stepping", loc="left", fontsize=9)
     entries = grid[0, 0].get_legend_handles_labels()
-    figure.legend(*entries, loc="outside lower center", ncols=3, fontsize=9)
+    legend = figure.legend(*entries, loc="outside lower center", ncols=3, fontsize=9)
+    for line in legend.get_lines():  # Chatter is drawn too thin to be seen here.
+        line.set(alpha=1.0, linewidth=1.5)
     return figure
 
 
