@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
+from .interrupts import interrupts_deferred
 from .planner import check_hits, is_cycle
 from .problems import InputError, Pose, Region, Scene, prepare_folder
 
@@ -232,10 +233,13 @@ def prepare_out(options: argparse.Namespace, files: tuple[str, ...] = ()) -> Non
 
 
 def save_out(options: argparse.Namespace, name: str, *saves: Callable[[Path], object]) -> None:
-    """Call each of `saves` with the folder of --out; nothing without the option."""
+    """Call each of `saves` with the folder of --out; nothing without the option.
+
+    Ctrl-C waits for all of them: the files are whole or none is there.
+    """
     if options.out is None:
         return
-    with Progress(f"{name}: writing {options.out}"):
+    with Progress(f"{name}: writing {options.out}"), interrupts_deferred():
         for save in saves:
             save(Path(options.out))
 

@@ -134,7 +134,7 @@ def _agile(scene: Scene, acceleration: float) -> Scene:
 #: Extreme quantities: the function that sets one, and its values, SI units.
 LEVERS: dict[str, tuple[Callable[[Scene, float], Scene], tuple[float, ...]]] = {
     "mass": (lambda s, v: bar(s, **_usual(s) | {"mass": v}), (1e-4, 0.01, 2.0, 50.0)),
-    "mass and grip times": (_heavy, (1e-3, 0.1, 10.0, 1e3)),
+    "mass and grip times": (_heavy, (1e-3, 0.1, 10.0, 200.0)),
     "radius of gyration": (
         lambda s, v: bar(s, **_usual(s) | {"gyration": v}),
         (0.002, 0.02, 0.1, 0.4),

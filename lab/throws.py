@@ -23,7 +23,6 @@ from ..problems import (
     Section,
     csv_lines,
     from_table,
-    held_object,
     load_arm,
     load_gripper,
     optional,
@@ -196,7 +195,7 @@ def _head(tables: Mapping[str, Any]) -> tuple[Shared, dict[str, Object], dict[st
         if not isinstance(table, Mapping):
             raise InputError(f"objects: {name} = {table!r}: must be a section")
         with within(f"[objects.{name}]", " "):
-            objects[name] = held_object(table)
+            objects[name] = from_table(Object, table)
     truth = tables.get("truth", {})
     if not isinstance(truth, Mapping) or not all(
         isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < 1e300

@@ -48,7 +48,7 @@ from .files import (
     toml_tables,
     write_json,
 )
-from .grip import Contact, Grasp, Gripper, Object, OutlinePart, held_object
+from .grip import Contact, Grasp, Gripper, Object, OutlinePart
 from .manipulators import Hand, Motion, Robot, Torque, check_angles
 from .poses import Pose, Region, ThrowPlane
 from .scene import SECTIONS, TOP_KEYS, Scene, obstacles_besides_bins

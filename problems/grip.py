@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
 from typing import Any, overload
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..models.release import GripProfile, LinearGrip, TableGrip
 from ..models.robot import segment_distance
 from .arm_files import GripperData, load_gripper
 from .checks import InputError, within
-from .section import UNSET, Section, from_table, optional, quantity
+from .section import UNSET, Section, optional, quantity
 
 #: Largest number of capsules in an outline.
 MAX_PARTS = 12
@@ -47,7 +46,7 @@ class Object(Section):
     any shape. Required.
     """
 
-    mass: float = quantity("kg", above=0, most=1e4)
+    mass: float = quantity("kg", above=0, most=50, unit="kg (is it in grams?)")
     length: float = quantity("m, along the axis", above=0, most=100, unit="m")
     com: float = quantity("m, from the end nearer the grasp to the CoM; at most `length`", least=0)
     inertia: float = quantity(
@@ -181,14 +180,6 @@ class Object(Section):
                 f"inertia = {self.inertia:g}: must be at most {largest:.4g} kg m^2, "
                 "what mass, length, width and com allow"
             )
-
-
-def held_object(table: Mapping[str, Any]) -> Object:
-    """The object of a file's table, in SI units; InputError for a mass that no hand can hold."""
-    thrown: Object = from_table(Object, table)
-    if thrown.mass > 50:
-        raise InputError(f"mass = {thrown.mass:g}: must be in kg, at most 50 (is it in grams?)")
-    return thrown
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,7 +12,7 @@ from ..models.robot import Arm
 from .arm_files import GripperData, arm_from, load_arm, load_gripper
 from .checks import InputError, Mistakes, checked, within
 from .files import read_csv, shipped, shipped_text, text_of, toml_tables
-from .grip import Gripper, held_object
+from .grip import Gripper, Object
 from .poses import Region
 from .scene import MOVERS, SECTIONS, TOP_KEYS, Scene
 from .section import from_table, hints_of, rows_from, table_of, unknown
@@ -119,7 +119,7 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
         if key == "target" and list in {type(value.get("x")), type(value.get("theta_deg"))}:
             return from_table(Region, value)
         if key == "object":
-            thrown = held_object(_with_mesh(value, folder))
+            thrown = from_table(Object, _with_mesh(value, folder))
             if thrown.mesh is not None and folder is not None:
                 covered_mesh(thrown)
             return thrown

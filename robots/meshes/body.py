@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import Capsule, Grasp, InputError, Object, held_object
+from ...problems import Capsule, Grasp, InputError, Object, from_table
 from .capsules import parts_of
 
 #: Largest and smallest size [m] of an object that is thrown.
@@ -100,7 +100,8 @@ def object_from(mesh: Any, choices: MeshChoices) -> MeshObject:
     others = np.linalg.eigvalsh(moments[::2, ::2])
     middle = bool(1.02 * others[0] < moments[1, 1] < 0.98 * others[1])
     grip = Grasp(offset=round(-first, PLACES), angle=placed.angle)
-    return MeshObject(held_object(table), grip, placed.corners - [first, 0.0, 0.0], beyond, middle)
+    corners = placed.corners - [first, 0.0, 0.0]
+    return MeshObject(from_table(Object, table), grip, corners, beyond, middle)
 
 
 @dataclass(frozen=True)

@@ -146,15 +146,22 @@ SLOW = [pytest.param(words, marks=pytest.mark.slow) for words in LONG if "plan" 
 
 @pytest.mark.parametrize("words", ["plan hand-flip --out out", *SLOW])
 def test_an_interrupted_command_ends_with_one_line(words, tmp_path, interruptible) -> None:
-    """Status 130, all of its files or none, and no process or scratch folder is left."""
+    """Status 130, all of its files or none, and no process or scratch folder is left.
+
+    At a random time in each part of its run, and once its first file is there.
+    """
     (seconds, files), chance = LONG[words], random.Random(words)
-    for number in range(2 if "plan" in words else 4):
+    for number, part in enumerate([*range(2 if "plan" in words else 4), None]):
         folder = tmp_path / str(number)
         folder.mkdir()
         process = started(words, folder)
         _await_start(process)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(seconds * (number + chance.random()) / 4)
+        if part is None:
+            while process.poll() is None and not any((folder / "out" / f).exists() for f in files):
+                time.sleep(0.005)
+        else:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(seconds * (part + chance.random()) / 4)
         with contextlib.suppress(ProcessLookupError):
             # A terminal sends Ctrl-C to all processes of a command.
             if number % 2:

@@ -129,7 +129,7 @@ def test_what_no_throw_can_have_is_refused(refused, tmp_path, bar_mesh) -> None:
         (bar_mesh, (*mass, *at), "choose --unit"),
         (bar_mesh, (*mass, "--unit", "mm", "--grasp", "100", "0", "0"), "--axis: needed"),
         (bar_mesh, (*mass, "--unit", "mm", "--grasp", "900", "0", "0"), "from the object's CoM"),
-        (bar_mesh, ("--mass", "400", "--unit", "mm", *at), "kg, at most 50"),
+        (bar_mesh, ("--mass", "400", "--unit", "mm", *at), "at most 50 kg"),
         (tmp_path / "open.obj", (*mass, *near), "not watertight"),
         (tmp_path / "turned.obj", (*mass, *near), "has no volume: its triangles must"),
         (tmp_path / "ring.stl", (*mass, *near), "--grasp: the pads close on nothing"),

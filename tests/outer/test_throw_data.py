@@ -70,7 +70,7 @@ def test_a_small_data_set_is_read(small) -> None:
 
 #: A file, what is replaced in it, by what, and what the message says.
 WRONG = """
-dataset.toml | mass = 0.24 | mass = 240 | at most 50 (is it in grams?)
+dataset.toml | mass = 0.24 | mass = 240 | at most 50 kg (is it in grams?)
 dataset.toml | mass = 0.24 | mas = 0.24 | unknown key 'mas', did you mean 'mass'?
 dataset.toml | mass = 0.24 | mass = nan | mass = nan: must be a finite number
 dataset.toml | landing_height = -0.8 | | key 'landing_height' is missing
