@@ -6,6 +6,7 @@ Long work is cut into short jobs: any executor can share them, and Ctrl-C loses 
 from __future__ import annotations
 
 import contextlib
+import gc
 import logging
 import os
 import re
@@ -107,10 +108,15 @@ def _cluster(address: str) -> Iterator[Executor]:
     tls = distributed.Security().get_connection_args("client").get("ssl_context")
     if address.startswith("tls:") and tls is None:
         raise InputError(f"{place}: needs certificates: distributed.comm.tls of Dask's settings")
+    client, failure = None, ""
     try:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except Exception as error:
-        raise InputError(f"{place}: {_line(error)}") from None
+        failure = _line(error)
+    if client is None:
+        # Ends the failed client's thread here: while another client starts, it would wait forever.
+        gc.collect()
+        raise InputError(f"{place}: {failure}")
     lost = (distributed.KilledWorker, distributed.comm.CommClosedError, futures.CancelledError)
     try:
         # Not pure: the cluster must not return an earlier result.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import matplotlib.image
@@ -148,8 +149,9 @@ def test_without_a_throw(run, planner_of) -> None:
 
 def test_an_address_without_a_scheduler_is_named(refused) -> None:
     pytest.importorskip("distributed")
-    address = "a..b:80"
+    address, before = "a..b:80", threading.enumerate()
     assert f"--scheduler {address}: " in refused(f"sweep hand-box --scheduler {address}")
+    assert set(threading.enumerate()) <= set(before), "a thread is left"
 
 
 @pytest.mark.slow
