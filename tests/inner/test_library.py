@@ -136,6 +136,17 @@ def test_two_that_grow_the_same_one_lose_nothing(prepared, tmp_path, monkeypatch
     assert len(reopened(prepared).records) == len(rows)
 
 
+def test_of_two_throws_to_one_landing_the_cheapest_is_kept(prepared, tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    library, cheap = reopened(prepared), prepared.library.records[:1]
+    dear = cheap.copy()
+    dear["effort"] += 1.0
+    for rows in (dear, cheap, dear):
+        library.add(list(rows))
+    for found in (library, reopened(prepared)):
+        assert found.records["effort"] == cheap["effort"]
+
+
 def test_beyond_the_edge_the_nearest_throw_is_found_with_a_library_and_without(prepared) -> None:
     """It is a plan of its own landing, and judged as one."""
     planner = tp.Planner(prepared.scene, library=False)

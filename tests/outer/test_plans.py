@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from builders import edit_plan, loud, varied
+from builders import edit_plan, loud, only, varied
 from scipy.interpolate import CubicSpline
 from throwplan.models.robot import SpatialArm
 from throwplan.planner.throw import TICK
@@ -297,14 +297,31 @@ def test_azimuth_turns_the_plane_by_joint_1(turned, table) -> None:
     assert np.allclose(table(folder / "motion.csv")["q1"], math.radians(20))
 
 
-def test_alternatives_are_other_throws_to_the_same_target(planner_of) -> None:
-    target = tp.Pose(x=0.9, z=0.2, theta=math.radians(270))
-    plan = planner_of("hand-flip").plan(target, alternatives=2)
+#: Where the hand has two throws, of which neither is quiet.
+TWO_THROWS = loud("hand-flip").replace(target=tp.Pose(x=0.9, z=0.2, theta=math.radians(270)))
+
+
+def test_alternatives_are_other_throws_to_the_same_target() -> None:
+    plan = tp.Planner(TWO_THROWS).plan(alternatives=2)
     assert plan.status == "solved" and len(plan.alternatives) >= 1
     times = [one.to_dict()["release"]["opening_time"] for one in (plan, *plan.alternatives)]
     assert len({round(t, 3) for t in times}) == len(times)
     for other in plan.alternatives:
         assert other.status == "solved" and other.error_sent()[0] < 1e-3
+        assert other.throw.effort > plan.throw.effort
+
+
+def test_of_throws_that_succeed_alike_the_least_scattered_is_chosen() -> None:
+    """Here the dearer one."""
+    angle = tp.Distribution(normal=0.002)
+    scene = TWO_THROWS.replace(uncertainty=only(grasp_angle=angle))
+    plan = tp.Planner(scene).plan(alternatives=2)
+    error, *others = (
+        tp.sweep(one, samples=512).to_dict()["quantiles"]["scaled"]["95"]
+        for one in (plan, *plan.alternatives)
+    )
+    assert others and error < min(others)
+    assert plan.throw.effort > min(one.throw.effort for one in plan.alternatives)
 
 
 # What a plan keeps.
