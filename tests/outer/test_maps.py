@@ -61,6 +61,14 @@ def test_the_middle_of_full_bins_is_solved(pose) -> None:
         assert plan.status == "solved"
 
 
+def test_the_nearest_throw_of_a_plan_is_nearer_than_those_of_the_map(pose, pose_planner) -> None:
+    target = pose_planner.scene.target.in_plane(1.9, 3.0)
+    plan = pose_planner.plan(target)
+    assert plan.status == "not_found"
+    away = target.distance(plan.nearest.target, pose_planner.scene.object.half_length)
+    assert away < 0.9 * pose.distance(target.x, target.theta)
+
+
 def test_far_outside(pose, box) -> None:
     for x, theta in ((9.0, 0.0), (-9.0, 0.0), (0.5, 40.0)):
         assert not pose.contains(x, theta)
