@@ -257,7 +257,10 @@ def test_uncertainty_in_every_unit(tmp_path) -> None:
     certain = loaded(tmp_path, tp.scene_text("pose") + none)
     assert certain.uncertainty.names == ()
     assert certain.assumed_spreads == ()
-    assert scene.uncertainty.grasp_angle.uniform == pytest.approx(math.radians(2))
+    for one in (scene, scene_from_table(scene.table())):
+        angle, omega = one.uncertainty.grasp_angle, one.uncertainty.hand_omega
+        assert angle.uniform == pytest.approx(math.radians(2))
+        assert (omega.normal, omega.mean) == pytest.approx((math.radians(10), math.radians(-5)))
 
 
 # The measured grip force.
