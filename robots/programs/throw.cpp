@@ -236,7 +236,7 @@ void give(const franka::Gripper& gripper, const Command& command, std::atomic<bo
 
 void throw_it(franka::Robot& robot, franka::Gripper& gripper, const std::vector<Joints>& rows,
               const std::vector<Command>& commands, const Stops& stops) {
-  std::atomic<std::size_t> row{0};
+  std::atomic<std::ptrdiff_t> row{-1};  // -1: the arm has not begun to move.
   std::atomic<bool> ended{false}, failed{false};
   std::atomic<Report> last{report_of(gripper)};
   Watch watch(commands, last);
@@ -244,10 +244,11 @@ void throw_it(franka::Robot& robot, franka::Gripper& gripper, const std::vector<
   std::thread commanding([&] {
     std::vector<std::thread> calls;
     for (const Command& command : commands) {
-      while (row < command.cycle && !ended) {
+      const auto due = static_cast<std::ptrdiff_t>(command.cycle);
+      while (row < due && !ended) {
         std::this_thread::sleep_for(std::chrono::microseconds(50));
       }
-      if (row < command.cycle) {
+      if (row < due) {
         break;  // The arm stops before: keep the object.
       }
       std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(command.fraction));
@@ -285,7 +286,7 @@ void throw_it(franka::Robot& robot, franka::Gripper& gripper, const std::vector<
             const std::size_t next = std::min(sample, rows.size() - 1);
             fault = failed ? Fault::kConnection : watch.look(next, seen);
             if (fault == Fault::kNone) {
-              row = next;
+              row = static_cast<std::ptrdiff_t>(next);
             } else {
               ended = true;
               stop = stops.lower_bound(sample);

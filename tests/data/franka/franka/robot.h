@@ -57,6 +57,8 @@ class Robot {
       ControllerMode = ControllerMode::kJointImpedance,
       bool limit_rate = false,
       double cutoff_frequency = kDefaultCutoffFrequency) {
+    // The controller takes its time to begin.
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
     std::ofstream file("sent.csv", std::ios::app);
     file.precision(12);
     file << "motion," << limit_rate << "," << cutoff_frequency << "\n";
