@@ -22,6 +22,8 @@ from throwplan import cycles
 if "PYTEST_XDIST_WORKER" not in os.environ:
     _FOLDER = tempfile.TemporaryDirectory(prefix="throwplan-tests-")
     os.environ["THROWPLAN_CACHE"] = _FOLDER.name
+    # Compiling costs more than a few plans gain; tests/inner/test_compile.py does it.
+    os.environ["THROWPLAN_COMPILE"] = "0"
 
 
 def pytest_terminal_summary(terminalreporter) -> None:

@@ -35,6 +35,7 @@ def answers(functions: dict[str, ca.Function]) -> list[float]:
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
 def test_code_is_compiled_when_asked_for_and_found_again(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    monkeypatch.delenv("THROWPLAN_COMPILE")
     usual = answers(derived())
     assert answers(compiled("key", NAMES, derived, make=False)) == pytest.approx(usual)
     assert not list(tmp_path.glob("*.so"))
@@ -59,6 +60,7 @@ def test_without_a_compiler_that_works_nothing_is_compiled(
     broken.chmod(0o755)
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path / "cache"))
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    monkeypatch.delenv("THROWPLAN_COMPILE")
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
     usual = answers(derived())
