@@ -71,6 +71,7 @@ def test_a_plan_does_not_depend_on_plans_before(monkeypatch: pytest.MonkeyPatch,
     places = zip(rng.uniform(0.3, 4.2, 20), rng.uniform(-1.0, 9.0, 20), strict=True)
     targets = [scene.target.in_plane(float(x), float(theta)) for x, theta in places]
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    monkeypatch.delenv("THROWPLAN_COMPILE")
     one = answers(tp.Planner(scene, library=False), targets)
     monkeypatch.setenv("THROWPLAN_COMPILE", "0")
     other = answers(tp.Planner(scene, library=False), targets[::-1])
