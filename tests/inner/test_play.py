@@ -80,6 +80,11 @@ def test_other_pads_are_planned_with(page: PlayPage) -> None:
     page.friction.value, page.opening.value = 1.0, 50.0
 
 
+@pytest.mark.filterwarnings(
+    "ignore:.*unclosed:pytest.PytestUnraisableExceptionWarning",
+    "ignore:.*SelectorTransport:pytest.PytestUnraisableExceptionWarning",
+    "ignore:unclosed:ResourceWarning",
+)  # viser's own
 def test_the_page_answers_this_machine_only(served: Any) -> None:
     """A page for all addresses of the machine would answer at each of 127.0.0.0/8."""
     port = int(served[1].rpartition(":")[2])
