@@ -163,7 +163,7 @@ def _allowed(about: Mapping[str, Any]) -> str:
     unit = math.degrees(1.0) if about.get("degrees") else 1.0
     given = [name for name in ("least", "above", "most", "below") if name in about]
     if "least" in given and "above" in given:
-        # Together they are above 0, and by so much.
+        # The least value is above 0 itself.
         given.remove("above")
     words = {"least": "at least", "above": "above", "most": "at most", "below": "below"}
     return ", ".join(f"{words[name]} {unit * about[name]:.6g}" for name in given) or "–"

@@ -209,8 +209,8 @@ def _stretched(swing: Samples, speed: float, end: int) -> Samples | None:
 
 
 def _gentle_transfer(limits: Limits, start: State, goal: State, ticks: int) -> Transfer:
-    """The motion from rest to rest that takes a number of samples, as many as the fastest one at
-    least, with little acceleration."""
+    """The motion from rest to rest in `ticks` samples, at least those of the fastest one, with
+    little acceleration."""
     low, high = math.log(LEAST_SHARE), 0.0
     for _ in range(SHARE_STEPS):
         middle = (low + high) / 2

@@ -165,7 +165,7 @@ def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None 
 
 
 def _replacement(tables: Mapping[str, Any], arm: Arm, gripper: GripperData) -> str:
-    """Words for the hand in an arm's tables whose place a gripper takes; empty if there is none."""
+    """Words for the hand of an arm's tables that a gripper replaces; empty without a hand."""
     masses = rows_from("links", LinkInertia, tables.get("links", []))[arm.joints :]
     rows = rows_from("capsules", LinkCapsule, tables.get("capsules", []))
     mass, shapes = sum(link.mass for link in masses), sum(c.link > arm.joints for c in rows)

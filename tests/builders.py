@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 import throwplan as tp
 from throwplan import lab
 from throwplan.models.robot import LinkInertia
@@ -59,12 +58,7 @@ def request_of(scene: tp.Scene) -> Request:
 
 
 def nlp_of(scene: tp.Scene) -> ThrowNlp:
-    """Without machine code, which other tests may have made and CasADi cannot differentiate."""
-    nlp = build_nlp(request_of(scene))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("THROWPLAN_COMPILE", "0")
-        assert not any(kind.is_compiled for kind in nlp.kinds)
-    return nlp
+    return build_nlp(request_of(scene))
 
 
 def inertia_matrix(link: LinkInertia) -> np.ndarray:

@@ -104,7 +104,7 @@ class Tool:
 
     @property
     def has_palm(self) -> bool:
-        """Whether the hand has a palm: one of no width is none."""
+        """Whether the hand has a palm, which has a width above 0."""
         return self.palm_half_width > 0.0
 
 

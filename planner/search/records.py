@@ -92,7 +92,7 @@ def are_valid(records: Records, controls: ReducedVariables) -> Flags:
 
 
 def _margins_text(margins: Margins) -> bytes:
-    """Margins as JSON, with six decimals, or as many as fit: all that there are with four."""
+    """Margins as JSON with six decimals, or with five or four if six do not fit."""
     for digits in (6, 5, 4):
         values = {name: round(value, digits) for name, value in margins.values}
         text = json.dumps(values, separators=(",", ":")).encode()

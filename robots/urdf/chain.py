@@ -110,7 +110,7 @@ class UrdfChain:
         return numbers
 
     @property
-    def beside(self) -> set[str]:
+    def fixed_links(self) -> set[str]:
         """Links behind held joints that do not carry the arm: fixed in the base's frame, but no
         part of it."""
         carrying = {joint.name for joint in _path(self.robot, str(self.path[0].parent))}

@@ -27,7 +27,7 @@ EXTENT = 1.5
 #: A still link is halved at most this often, where its capsule's radius is above this share of the
 #: arm's reach and those of the halves have less than this share of its volume.
 HALVINGS, THICK, SMALLER = 3, 0.1, 0.8
-#: Points on a mesh are this far [m] from each other, where these are at most so many.
+#: Distance [m] between points on a mesh, and their largest number.
 SPACING, POINTS = 0.004, 20_000
 #: Distance [m] that is allowed for links that stand still, too: a short arm may hang on a mast.
 MAST = 2.0
@@ -58,7 +58,7 @@ def link_shapes(chain: UrdfChain, file: Path, reach: float) -> LinkShapes:
     """
     meshes, unread = link_meshes(chain, file, reach)
     capsules_found = list[LinkCapsule]()
-    aside = chain.beside
+    aside = chain.fixed_links
     for number in sorted(meshes):
         own = {name: np.vstack([mesh.vertices for mesh in m]) for name, m in meshes[number].items()}
         for name in sorted(own, key=lambda name: -float(np.ptp(own[name], axis=0).max())):

@@ -61,7 +61,8 @@ def test_the_middle_of_full_bins_is_solved(pose) -> None:
         assert plan.status == "solved"
 
 
-def test_the_nearest_throw_of_a_plan_is_nearer_than_those_of_the_map(pose, pose_planner) -> None:
+def test_the_search_goes_beyond_the_samples_of_the_map(pose, pose_planner) -> None:
+    """It reports the nearest of its throws to a target out of reach."""
     target = pose_planner.scene.target.in_plane(1.9, 3.0)
     plan = pose_planner.plan(target)
     assert plan.status == "not_found"
