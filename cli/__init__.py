@@ -44,6 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _run_command(words)
         finally:  # After --help and errors in JSON as well.
             sys.stdout.flush()
+    except KeyboardInterrupt:
+        return fail("interrupted", INTERRUPTED)
     except BrokenPipeError:
         _discard_output()
         return DONE
@@ -63,8 +65,6 @@ def _run_command(words: list[str]) -> int:
         options.words = words
         status: int = options.run(options)
         return status
-    except KeyboardInterrupt:
-        return fail("interrupted", INTERRUPTED)
     except Exception as error:
         if isinstance(error, InputError | CoreError):
             return _print_error(error, words)
